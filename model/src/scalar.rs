@@ -1,0 +1,59 @@
+//! The number type of the model and of the laws.
+
+use std::ops::Neg;
+
+use nalgebra::{ClosedAddAssign, ClosedDivAssign, ClosedMulAssign, ClosedSubAssign};
+use num_traits::{One, Zero};
+
+/// A real number: what the arm, the trajectory and the laws compute with.
+///
+/// Deliberately smaller than `nalgebra::RealField`, so that a number which counts its own
+/// operations, or one that holds several lanes, can implement it in a page.
+pub trait Scalar:
+    nalgebra::Scalar
+    + Copy
+    + PartialOrd
+    + Zero
+    + One
+    + ClosedAddAssign
+    + ClosedSubAssign
+    + ClosedMulAssign
+    + ClosedDivAssign
+    + Neg<Output = Self>
+{
+    /// The nearest value to a constant.
+    fn constant(value: f64) -> Self;
+    /// Sine and cosine of an angle in radians.
+    fn sin_cos(self) -> (Self, Self);
+    /// The square root.
+    fn sqrt(self) -> Self;
+    /// The exponential.
+    fn exp(self) -> Self;
+    /// The magnitude.
+    fn abs(self) -> Self;
+}
+
+macro_rules! implement_for_float {
+    ($float:ident) => {
+        impl Scalar for $float {
+            fn constant(value: f64) -> Self {
+                value as $float
+            }
+            fn sin_cos(self) -> (Self, Self) {
+                $float::sin_cos(self)
+            }
+            fn sqrt(self) -> Self {
+                $float::sqrt(self)
+            }
+            fn exp(self) -> Self {
+                $float::exp(self)
+            }
+            fn abs(self) -> Self {
+                $float::abs(self)
+            }
+        }
+    };
+}
+
+implement_for_float!(f32);
+implement_for_float!(f64);

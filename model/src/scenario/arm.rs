@@ -1,0 +1,105 @@
+//! The arm of a scenario.
+
+use nalgebra::{SMatrix, SVector, Vector2};
+
+use super::section::{self, ScenarioError, Section};
+use crate::{
+    MAX_JOINTS, PLANE,
+    arm::{Link, PlanarArm},
+    for_links,
+};
+
+/// Links and initial state of a planar arm.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ArmSettings {
+    /// One to seven links, base first.
+    pub links: Vec<Link<f64>>,
+    /// Gravitational acceleration in the plane, m/s².
+    pub gravity: Vector2<f64>,
+    /// Initial joint angles, rad; as many as links.
+    pub position: Vec<f64>,
+    /// Initial joint velocities, rad/s; as many as links.
+    pub velocity: Vec<f64>,
+}
+
+/// Below this ratio of the smallest to the largest singular value of J a start counts as singular.
+const SINGULAR: f64 = 1e-6;
+
+impl ArmSettings {
+    pub(super) fn read(arm: Section<'_>) -> Result<Self, ScenarioError> {
+        arm.choice("kind", &[("planar", ())], Some(()))?;
+        let expected = "1 to 7 links, each {length, mass, center, inertia}";
+        let sections = arm.sections("links", expected)?;
+        if sections.is_empty() || sections.len() > MAX_JOINTS {
+            return Err(arm.refuse("links", expected));
+        }
+        let links = sections.into_iter().map(read_link).collect::<Result<Vec<_>, _>>()?;
+        let count = links.len();
+        let per_joint = |key, unit| {
+            let expected = format!("a list of {count} numbers in {unit}, one for each link");
+            let list = arm.optional(key, &expected, |value| section::numbers(value, count))?;
+            Ok(list.unwrap_or_else(|| vec![0.0; count]))
+        };
+        let position = per_joint("position", "rad")?;
+        let velocity = per_joint("velocity", "rad/s")?;
+        let gravity = arm.optional("gravity", "a list of 2 numbers in m/s²", |value| {
+            section::numbers(value, 2)
+        })?;
+        let gravity = gravity.map_or_else(Vector2::zeros, |g| Vector2::new(g[0], g[1]));
+        let settings = Self { links, gravity, position, velocity };
+        if for_links!(count, N => settings.is_singular::<N>()) {
+            return Err(arm.refuse(
+                "position",
+                "a start that is not singular (the links lie in one line, where no torque moves the \
+                 tip along it): bend a joint",
+            ));
+        }
+        arm.finish()?;
+        Ok(settings)
+    }
+
+    /// The arm with static dimensions; `N` is the number of links.
+    pub fn build<const N: usize>(&self) -> PlanarArm<f64, N> {
+        PlanarArm::new(&std::array::from_fn(|i| self.links[i]), self.gravity)
+    }
+
+    /// The same arm with all masses and inertias multiplied by `mass_scale`.
+    pub fn scaled(&self, mass_scale: f64) -> Self {
+        let mut arm = self.clone();
+        for link in &mut arm.links {
+            link.mass *= mass_scale;
+            link.inertia *= mass_scale;
+        }
+        arm
+    }
+
+    /// How far the tip can be from the base, m.
+    pub fn reach(&self) -> f64 {
+        self.links.iter().map(|link| link.length).sum()
+    }
+
+    fn is_singular<const N: usize>(&self) -> bool {
+        let arm = self.build::<N>();
+        let q = SVector::from_fn(|i, _| self.position[i]);
+        let jacobian: SMatrix<f64, PLANE, N> = arm.pose(&q, &SVector::zeros()).jacobian();
+        // The eigenvalues of J Jᵀ are the squares of the singular values; a single link has one.
+        let values = (jacobian * jacobian.transpose()).symmetric_eigenvalues();
+        let largest = values.max();
+        N >= PLANE && values.min() < SINGULAR * SINGULAR * largest
+    }
+}
+
+fn read_link(link: Section<'_>) -> Result<Link<f64>, ScenarioError> {
+    let positive = |key, expected| link.required(key, expected, section::positive);
+    let length = positive("length", "a length in m greater than 0")?;
+    let mass = positive("mass", "a mass in kg greater than 0")?;
+    let center = link
+        .optional("center", "a distance from the joint in m", section::number)?
+        .unwrap_or(length / 2.0);
+    let inertia = positive(
+        "inertia",
+        "a moment of inertia about the centre of mass in kg m², greater than 0",
+    )?;
+    link.finish()?;
+    Ok(Link { length, mass, center, inertia })
+}

@@ -1,0 +1,134 @@
+//! How the processes of a scenario find and wait for each other.
+
+use std::path::PathBuf;
+
+use super::section::{Origin, ScenarioError, Section};
+
+/// The bus a session runs on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BusSettings {
+    /// Which transport.
+    pub kind: BusKind,
+    /// Separates the loops that share a bus.
+    pub session: String,
+    /// How a role waits for the next sample.
+    pub wait: Wait,
+    /// Zenoh: where the plant listens.
+    pub listen: Vec<String>,
+    /// Zenoh: where controller and monitor connect; where the plant listens unless given.
+    pub connect: Vec<String>,
+    /// Zenoh: whether peers are sought by multicast.
+    pub scouting: bool,
+    /// Zenoh: a configuration file to start from.
+    pub config: Option<PathBuf>,
+}
+
+/// The transports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusKind {
+    /// In one process.
+    Local,
+    /// Shared memory between processes of one machine.
+    Iceoryx2,
+    /// Zenoh, between machines.
+    Zenoh,
+}
+
+impl BusKind {
+    /// The name in scenarios and in print.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Local => "local",
+            Self::Iceoryx2 => "iceoryx2",
+            Self::Zenoh => "zenoh",
+        }
+    }
+}
+
+/// How a role waits for the next sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wait {
+    /// Look again at once: the shortest latency, and one core of its own.
+    Spin,
+    /// Sleep until woken.
+    Block,
+}
+
+/// Where a plant listens when nobody says otherwise.
+pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
+
+/// The transports an endpoint may name.
+const PROTOCOLS: [&str; 5] = ["tcp", "udp", "tls", "quic", "unixsock-stream"];
+
+impl BusSettings {
+    /// Reads a table with the keys of `[bus]`, as a role without a scenario does.
+    pub fn from_table(origin: &str, bus: toml::Table) -> Result<Self, ScenarioError> {
+        let origin = Origin::new(origin, Vec::new());
+        let table = toml::Table::from_iter([("bus".to_owned(), toml::Value::Table(bus))]);
+        let root = Section::root(&origin, &table);
+        Self::read(root.optional_section("bus")?)
+    }
+
+    pub(super) fn read(section: Option<Section<'_>>) -> Result<Self, ScenarioError> {
+        let mut settings = Self {
+            kind: BusKind::Local,
+            session: "default".to_owned(),
+            wait: Wait::Block,
+            listen: vec![DEFAULT_ENDPOINT.to_owned()],
+            connect: vec![DEFAULT_ENDPOINT.to_owned()],
+            scouting: false,
+            config: None,
+        };
+        let Some(section) = section else { return Ok(settings) };
+        let kinds =
+            [("local", BusKind::Local), ("iceoryx2", BusKind::Iceoryx2), ("zenoh", BusKind::Zenoh)];
+        settings.kind = section.choice("kind", &kinds, Some(settings.kind))?;
+        let expected = "a name of letters, digits, '-' and '_', at most 64";
+        let session = section.optional("session", expected, |value| {
+            let name = value.as_str()?;
+            let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+            (!name.is_empty() && name.len() <= 64 && name.chars().all(fits)).then_some(name)
+        })?;
+        if let Some(session) = session {
+            settings.session = session.to_owned();
+        }
+        let waits = [("spin", Wait::Spin), ("block", Wait::Block)];
+        settings.wait = section.choice("wait", &waits, Some(settings.wait))?;
+        let listen = endpoints(&section, "listen")?;
+        let connect = endpoints(&section, "connect")?;
+        settings.connect = connect.or_else(|| listen.clone()).unwrap_or(settings.connect);
+        settings.listen = listen.unwrap_or(settings.listen);
+        settings.scouting = section
+            .optional("scouting", "true or false", toml::Value::as_bool)?
+            .unwrap_or(settings.scouting);
+        settings.config = section
+            .optional("config", "the path of a Zenoh configuration file", toml::Value::as_str)?
+            .map(PathBuf::from);
+        section.finish()?;
+        Ok(settings)
+    }
+}
+
+fn endpoints(section: &Section<'_>, key: &str) -> Result<Option<Vec<String>>, ScenarioError> {
+    let expected = "an endpoint like \"tcp/127.0.0.1:7447\" (protocol tcp, udp, tls, quic or \
+                    unixsock-stream), or a list of them";
+    section.optional(key, expected, |value| {
+        let one =
+            |value: &toml::Value| value.as_str().filter(|text| is_endpoint(text)).map(String::from);
+        match value.as_array() {
+            Some(list) => list.iter().map(one).collect(),
+            None => one(value).map(|endpoint| vec![endpoint]),
+        }
+    })
+}
+
+fn is_endpoint(text: &str) -> bool {
+    let Some((protocol, address)) = text.split_once('/') else { return false };
+    // Zenoh lets metadata and configuration follow the address.
+    let address = address.split(['?', '#']).next().unwrap_or_default();
+    PROTOCOLS.contains(&protocol)
+        && match address.rsplit_once(':') {
+            Some((host, port)) => !host.is_empty() && port.parse::<u16>().is_ok(),
+            None => protocol == "unixsock-stream" && !address.is_empty(),
+        }
+}

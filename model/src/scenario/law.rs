@@ -1,0 +1,217 @@
+//! Which law, with which gains, memory and prediction.
+
+use std::time::Duration;
+
+use nalgebra::{SMatrix, SVector};
+
+use super::section::{self, ScenarioError, Section};
+use crate::{PLANE, gains::Gains};
+
+/// The control law and all that any of the three needs, so that changing `kind` is enough to
+/// compare laws.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LawSettings {
+    /// Which law.
+    pub kind: LawKind,
+    /// K_p.
+    pub kp: Gains<f64, PLANE>,
+    /// K_d.
+    pub kd: Gains<f64, PLANE>,
+    /// mtj: whether the acceleration term of eq. (11) is added.
+    pub acceleration: bool,
+    /// mtj: the regulating factor.
+    pub factor: FactorSettings,
+    /// mtj: the previous-step memory.
+    pub memory: MemorySettings,
+    /// How far ahead the law aims; `None` for the instant of the sample.
+    pub prediction: Option<Horizon>,
+    /// mb: what the model's masses and inertias are multiplied with.
+    pub mass_scale: f64,
+}
+
+/// The three laws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LawKind {
+    /// Transpose Jacobian, eq. (7).
+    Tj,
+    /// Modified transpose Jacobian, eq. (16).
+    Mtj,
+    /// Model-based, computed torque, eq. (4).
+    Mb,
+}
+
+impl LawKind {
+    /// The name in scenarios and in print.
+    pub fn name(self) -> &'static str {
+        LAWS.iter().find(|(_, kind)| *kind == self).map_or("", |(name, _)| name)
+    }
+}
+
+const LAWS: [(&str, LawKind); 3] =
+    [("tj", LawKind::Tj), ("mtj", LawKind::Mtj), ("mb", LawKind::Mb)];
+
+/// The regulating factor k and its sensitivity thresholds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FactorSettings {
+    /// How k follows from the error.
+    pub kind: FactorKind,
+    /// ε or e_max, m, per axis.
+    pub error: SVector<f64, PLANE>,
+    /// ε̇ or ė_max, m/s, per axis.
+    pub error_rate: SVector<f64, PLANE>,
+}
+
+/// How the regulating factor follows from the tracking error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FactorKind {
+    /// Eq. (14): one or zero.
+    Switch,
+    /// Eq. (15a): from the norms of the error and its rate.
+    Exponential,
+    /// Eq. (15b): for each axis on its own.
+    Diagonal,
+}
+
+/// What mtj remembers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MemorySettings {
+    /// Whose task force.
+    pub policy: MemoryPolicy,
+    /// Δt, a whole multiple of the sample period.
+    pub step: Duration,
+}
+
+/// Whose task force the previous-step memory holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MemoryPolicy {
+    /// The one the controller computed a step ago: the paper's.
+    Sent,
+    /// The one in effect at the plant at the sampling instant.
+    Applied,
+    /// The mean that the plant held over the last memory step.
+    Delivered,
+}
+
+/// How far ahead a predicting law aims.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Horizon {
+    /// The latency, sample instant to application, of the last applied command.
+    Measured,
+    /// Always the same.
+    Fixed(Duration),
+}
+
+impl LawSettings {
+    pub(super) fn read(law: Section<'_>, sample_period: Duration) -> Result<Self, ScenarioError> {
+        let settings = Self {
+            kind: law.choice("kind", &LAWS, None)?,
+            kp: gains(&law, "kp")?,
+            kd: gains(&law, "kd")?,
+            acceleration: law
+                .optional("acceleration", "true or false", toml::Value::as_bool)?
+                .unwrap_or(false),
+            factor: FactorSettings::read(law.optional_section("factor")?)?,
+            memory: MemorySettings::read(law.optional_section("memory")?, sample_period)?,
+            prediction: law.optional_section("prediction")?.map(Horizon::read).transpose()?,
+            mass_scale: match law.optional_section("model")? {
+                None => 1.0,
+                Some(model) => {
+                    let scale = model.optional(
+                        "mass_scale",
+                        "a factor greater than 0",
+                        section::positive,
+                    )?;
+                    model.finish()?;
+                    scale.unwrap_or(1.0)
+                }
+            },
+        };
+        law.finish()?;
+        Ok(settings)
+    }
+}
+
+fn gains(law: &Section<'_>, key: &str) -> Result<Gains<f64, PLANE>, ScenarioError> {
+    let expected = format!(
+        "a positive definite gain: one number, a list of {PLANE} for a diagonal, or {PLANE} rows of {PLANE}"
+    );
+    law.required(key, &expected, |value| {
+        let gains = if let Some(number) = section::number(value) {
+            Gains::Diagonal(SVector::repeat(number))
+        } else if let Some(diagonal) = section::numbers(value, PLANE) {
+            Gains::Diagonal(SVector::from_row_slice(&diagonal))
+        } else {
+            let rows = value.as_array().filter(|rows| rows.len() == PLANE)?;
+            let entries: Vec<_> =
+                rows.iter().map(|row| section::numbers(row, PLANE)).collect::<Option<_>>()?;
+            Gains::Full(SMatrix::from_row_slice(&entries.concat()))
+        };
+        gains.is_positive_definite().then_some(gains)
+    })
+}
+
+impl FactorSettings {
+    /// The paper's e_max = 1 m and ė_max = 10 m/s with eq. (15a), unless the section says otherwise.
+    fn read(section: Option<Section<'_>>) -> Result<Self, ScenarioError> {
+        let mut settings = Self {
+            kind: FactorKind::Exponential,
+            error: SVector::repeat(1.0),
+            error_rate: SVector::repeat(10.0),
+        };
+        let Some(section) = section else { return Ok(settings) };
+        let kinds = [
+            ("switch", FactorKind::Switch),
+            ("exponential", FactorKind::Exponential),
+            ("diagonal", FactorKind::Diagonal),
+        ];
+        settings.kind = section.choice("kind", &kinds, Some(settings.kind))?;
+        for (key, unit, threshold) in
+            [("error", "m", &mut settings.error), ("error_rate", "m/s", &mut settings.error_rate)]
+        {
+            let expected = format!("a threshold in {unit} greater than 0, or a list of {PLANE}");
+            let Some(list) = section.per_axis(key, PLANE, &expected, |x| x > 0.0)? else {
+                continue;
+            };
+            let uneven = list.iter().any(|x| *x != list[0]);
+            if uneven && settings.kind != FactorKind::Diagonal {
+                return Err(section.refuse(key, "one number, unless kind = \"diagonal\""));
+            }
+            *threshold = SVector::from_row_slice(&list);
+        }
+        section.finish()?;
+        Ok(settings)
+    }
+}
+
+impl MemorySettings {
+    fn read(section: Option<Section<'_>>, sample_period: Duration) -> Result<Self, ScenarioError> {
+        let mut settings = Self { policy: MemoryPolicy::Sent, step: sample_period };
+        let Some(section) = section else { return Ok(settings) };
+        let policies = [
+            ("sent", MemoryPolicy::Sent),
+            ("applied", MemoryPolicy::Applied),
+            ("delivered", MemoryPolicy::Delivered),
+        ];
+        settings.policy = section.choice("policy", &policies, Some(settings.policy))?;
+        settings.step = section.duration("step", sample_period, Some(sample_period))?;
+        if !settings.step.as_nanos().is_multiple_of(sample_period.as_nanos()) {
+            let period = super::duration::format(sample_period);
+            let expected = format!("a whole multiple of timing.sample_period = {period}");
+            return Err(section.refuse("step", expected));
+        }
+        section.finish()?;
+        Ok(settings)
+    }
+}
+
+impl Horizon {
+    fn read(section: Section<'_>) -> Result<Self, ScenarioError> {
+        let expected = format!("\"measured\" or {}", super::duration::FORM);
+        let horizon = section.required("horizon", &expected, |value| match value.as_str()? {
+            "measured" => Some(Self::Measured),
+            text => super::duration::parse(text).map(Self::Fixed),
+        })?;
+        section.finish()?;
+        Ok(horizon)
+    }
+}

@@ -1,0 +1,228 @@
+//! One experiment as data.
+//!
+//! A scenario is a TOML text (see `DESIGN` in the README's scenario chapter for the keys). It is
+//! validated once, here; whoever holds a [`Scenario`] may trust every value in it.
+
+mod arm;
+mod builtin;
+mod bus;
+pub mod duration;
+mod law;
+mod safety;
+mod section;
+mod timing;
+mod trajectory;
+
+use std::time::Duration;
+
+use toml::{Table, Value};
+
+pub use arm::ArmSettings;
+pub use builtin::{BUILT_IN, built_in};
+pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, Wait};
+pub use law::{
+    FactorKind, FactorSettings, Horizon, LawKind, LawSettings, MemoryPolicy, MemorySettings,
+};
+pub use safety::{OnTimeout, Safety};
+pub use section::ScenarioError;
+pub use timing::{ClockKind, LinkSettings, Links, Timing};
+
+use crate::trajectory::Trajectory;
+use section::{Origin, Section};
+
+/// A validated experiment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scenario {
+    /// The built-in name or the path it was loaded from.
+    pub name: String,
+    /// How long a run lasts.
+    pub duration: Duration,
+    /// Seeds all that is random.
+    pub seed: u64,
+    /// The arm and its initial state.
+    pub arm: ArmSettings,
+    /// What the tip should do.
+    pub trajectory: Trajectory<f64>,
+    /// What the controller does about it.
+    pub law: LawSettings,
+    /// When samples are taken.
+    pub timing: Timing,
+    /// How long samples and commands travel.
+    pub link: Links,
+    /// Sensor noise: amplitude as a fraction of each output's magnitude.
+    pub noise: f64,
+    /// Between which processes.
+    pub bus: BusSettings,
+    /// What protects the arm.
+    pub safety: Safety,
+    text: String,
+}
+
+/// The bounds of one key as set on a command line: `law.memory.policy=delivered`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Override {
+    path: String,
+    value: Value,
+}
+
+impl Override {
+    /// Sets `path` to a string.
+    pub fn text(path: &str, value: &str) -> Self {
+        Self { path: path.to_owned(), value: Value::String(value.to_owned()) }
+    }
+}
+
+impl std::str::FromStr for Override {
+    type Err = ScenarioError;
+
+    /// Reads `key=value`. The value is TOML; what is not, is taken as a string, so that quotes may
+    /// be left out: `link.torque.latency=1ms`.
+    fn from_str(text: &str) -> Result<Self, ScenarioError> {
+        let refuse = || ScenarioError {
+            origin: "--set".to_owned(),
+            key: text.to_owned(),
+            value: None,
+            expected: "KEY=VALUE, like law.memory.policy=delivered".to_owned(),
+        };
+        let (path, value) = text.split_once('=').ok_or_else(refuse)?;
+        let (path, value) = (path.trim(), value.trim());
+        if path.is_empty() {
+            return Err(refuse());
+        }
+        let parsed = toml::from_str::<Table>(&format!("value = {value}")).ok();
+        let value = parsed
+            .and_then(|mut table| table.remove("value"))
+            .unwrap_or_else(|| Value::String(value.to_owned()));
+        Ok(Self { path: path.to_owned(), value })
+    }
+}
+
+impl Scenario {
+    /// Loads a built-in scenario by its name or, failing that, a file, and lays `overrides` over it.
+    pub fn load(name: &str, overrides: &[Override]) -> Result<Self, ScenarioError> {
+        if let Some(text) = built_in(name) {
+            return Self::parse(name, text, overrides);
+        }
+        match std::fs::read_to_string(name) {
+            Ok(text) => Self::parse(name, &text, overrides),
+            Err(error) => Err(Origin::new("--scenario", Vec::new()).refuse(format!(
+                "there is no built-in scenario '{name}' and the file could not be read ({error}); \
+                 'mtj scenario list' prints the built-in names"
+            ))),
+        }
+    }
+
+    /// Reads and validates a TOML text called `name` with `overrides` laid over it.
+    pub fn parse(name: &str, text: &str, overrides: &[Override]) -> Result<Self, ScenarioError> {
+        let overridden = overrides.iter().map(|set| set.path.clone()).collect();
+        let origin = Origin::new(name, overridden);
+        let mut table: Table = text.parse().map_err(|error: toml::de::Error| {
+            let line = error
+                .span()
+                .map_or(0, |span| text[..span.start.min(text.len())].lines().count().max(1));
+            origin
+                .refuse(format!("line {line} is not TOML: {}", error.message().replace('\n', ", ")))
+        })?;
+        for set in overrides {
+            lay_over(&mut table, set)?;
+        }
+        // A text that nothing was laid over keeps its comments.
+        let text = if overrides.is_empty() { text.to_owned() } else { table.to_string() };
+        Self::read(name, Section::root(&origin, &table), text)
+    }
+
+    fn read(name: &str, root: Section<'_>, text: String) -> Result<Self, ScenarioError> {
+        let second = Duration::from_secs(1);
+        let duration = root.duration("duration", Duration::from_millis(1), Some(20 * second))?;
+        let seed = root.optional("seed", "a whole number, 0 or more", |value| {
+            u64::try_from(value.as_integer()?).ok()
+        })?;
+        let arm = ArmSettings::read(root.section("arm")?)?;
+        let timing = Timing::read(root.section("timing")?, duration)?;
+        let law = LawSettings::read(root.section("law")?, timing.sample_period)?;
+        if law.kind == LawKind::Mb && arm.links.len() != crate::PLANE {
+            return Err(root.section("law")?.refuse(
+                "kind",
+                format!(
+                    "tj or mtj, because mb inverts the Jacobian and this arm's is not square ({} joints \
+                     for {} task axes)",
+                    arm.links.len(),
+                    crate::PLANE
+                ),
+            ));
+        }
+        let scenario = Self {
+            name: name.to_owned(),
+            duration,
+            seed: seed.unwrap_or(1),
+            trajectory: Trajectory::read(root.section("trajectory")?)?,
+            law,
+            timing,
+            link: Links::read(root.optional_section("link")?)?,
+            noise: read_noise(root.optional_section("sensor")?)?,
+            bus: BusSettings::read(root.optional_section("bus")?)?,
+            safety: Safety::read(root.optional_section("safety")?, arm.links.len())?,
+            arm,
+            text,
+        };
+        root.finish()?;
+        Ok(scenario)
+    }
+
+    /// The TOML this scenario was read from, overrides included.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+}
+
+fn read_noise(section: Option<Section<'_>>) -> Result<f64, ScenarioError> {
+    let Some(section) = section else { return Ok(0.0) };
+    let expected = "a fraction of the output's magnitude, 0 or more";
+    let noise = section.optional("noise", expected, |value| {
+        section::number(value).filter(|fraction| *fraction >= 0.0)
+    })?;
+    section.finish()?;
+    Ok(noise.unwrap_or(0.0))
+}
+
+/// Puts one value at its dotted path; `arm.links[1].mass` reaches into a list.
+fn lay_over(table: &mut Table, set: &Override) -> Result<(), ScenarioError> {
+    let refuse = |expected: &str| ScenarioError {
+        origin: "--set".to_owned(),
+        key: set.path.clone(),
+        value: Some(set.value.to_string()),
+        expected: expected.to_owned(),
+    };
+    let not_there = "the path of a key; one of its parts is not a table, or not a list that long";
+    let (parents, last) = set.path.rsplit_once('.').unwrap_or(("", &set.path));
+    let mut table = table;
+    for part in parents.split('.').filter(|part| !part.is_empty()) {
+        let (name, index) = split_index(part).ok_or_else(|| refuse(not_there))?;
+        let value = table.entry(name).or_insert_with(|| Value::Table(Table::new()));
+        let value = match index {
+            None => Some(value),
+            Some(index) => value.as_array_mut().and_then(|list| list.get_mut(index)),
+        };
+        table = value.and_then(Value::as_table_mut).ok_or_else(|| refuse(not_there))?;
+    }
+    let (name, index) = split_index(last).ok_or_else(|| refuse(not_there))?;
+    match index {
+        None => {
+            table.insert(name.to_owned(), set.value.clone());
+        }
+        Some(index) => {
+            let place = table.get_mut(name).and_then(Value::as_array_mut);
+            *place.and_then(|list| list.get_mut(index)).ok_or_else(|| refuse(not_there))? =
+                set.value.clone();
+        }
+    }
+    Ok(())
+}
+
+/// "links[1]" into "links" and 1.
+fn split_index(part: &str) -> Option<(&str, Option<usize>)> {
+    match part.split_once('[') {
+        None => Some((part, None)),
+        Some((name, index)) => Some((name, Some(index.strip_suffix(']')?.parse().ok()?))),
+    }
+}

@@ -1,0 +1,242 @@
+//! Reading one TOML table with errors that name the file, the key, the value and the remedy.
+
+use std::{cell::RefCell, fmt, time::Duration};
+
+use toml::{Table, Value};
+
+use super::duration;
+
+/// Why a scenario was not accepted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ScenarioError {
+    /// The file, the built-in scenario or the command line option the value came from.
+    pub origin: String,
+    /// Dotted path of the key; empty when the whole text is meant.
+    pub key: String,
+    /// The value as written; `None` when it is missing.
+    pub value: Option<String>,
+    /// What would be accepted.
+    pub expected: String,
+}
+
+impl fmt::Display for ScenarioError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { origin, key, value, expected } = self;
+        match value {
+            _ if key.is_empty() => write!(f, "{origin}: {expected}"),
+            Some(value) => {
+                write!(f, "{origin}: {key} = {value} is not accepted: expected {expected}")
+            }
+            None => write!(f, "{origin}: {key} is missing: expected {expected}"),
+        }
+    }
+}
+
+impl std::error::Error for ScenarioError {}
+
+/// Where values came from: a named text, and the keys the command line has put over it.
+#[derive(Clone, Debug)]
+pub struct Origin {
+    name: String,
+    overridden: Vec<String>,
+}
+
+impl Origin {
+    /// A text called `name`, with the dotted keys in `overridden` set by `--set`.
+    pub fn new(name: &str, overridden: Vec<String>) -> Self {
+        Self { name: name.to_owned(), overridden }
+    }
+
+    fn of(&self, key: &str) -> String {
+        let set = self.overridden.iter().any(|path| {
+            key == path
+                || key.strip_prefix(path.as_str()).is_some_and(|rest| rest.starts_with(['.', '[']))
+        });
+        if set { "--set".to_owned() } else { self.name.clone() }
+    }
+
+    /// An error about the text as a whole.
+    pub fn refuse(&self, expected: impl fmt::Display) -> ScenarioError {
+        ScenarioError {
+            origin: self.name.clone(),
+            key: String::new(),
+            value: None,
+            expected: expected.to_string(),
+        }
+    }
+}
+
+/// One table of the document. Every key that is asked for becomes a known key; [`Section::finish`]
+/// refuses all others.
+pub struct Section<'a> {
+    origin: &'a Origin,
+    path: String,
+    table: &'a Table,
+    known: RefCell<Vec<String>>,
+}
+
+type Read<T> = Result<T, ScenarioError>;
+
+impl<'a> Section<'a> {
+    /// The document's root table.
+    pub fn root(origin: &'a Origin, table: &'a Table) -> Self {
+        Self::new(origin, String::new(), table)
+    }
+
+    fn new(origin: &'a Origin, path: String, table: &'a Table) -> Self {
+        Self { origin, path, table, known: RefCell::default() }
+    }
+
+    /// Refuses keys that nobody asked for.
+    pub fn finish(self) -> Read<()> {
+        let known = self.known.borrow();
+        match self.table.keys().find(|key| !known.contains(key)) {
+            None => Ok(()),
+            Some(unknown) => {
+                let key = self.key(unknown);
+                Err(ScenarioError {
+                    origin: self.origin.of(&key),
+                    value: Some(short(&self.table[unknown])),
+                    expected: format!(
+                        "one of the known keys {} (there is no key '{unknown}' here)",
+                        known.join(", ")
+                    ),
+                    key,
+                })
+            }
+        }
+    }
+
+    /// An error about one key of this table.
+    pub fn refuse(&self, key: &str, expected: impl fmt::Display) -> ScenarioError {
+        let path = self.key(key);
+        ScenarioError {
+            origin: self.origin.of(&path),
+            value: self.table.get(key).map(short),
+            expected: expected.to_string(),
+            key: path,
+        }
+    }
+
+    /// A table below this one, which must be there.
+    pub fn section(&self, key: &str) -> Read<Section<'a>> {
+        self.optional_section(key)?.ok_or_else(|| self.refuse(key, "a table"))
+    }
+
+    /// A table below this one, if it is there.
+    pub fn optional_section(&self, key: &str) -> Read<Option<Section<'a>>> {
+        self.optional(key, "a table", |value| {
+            Some(Section::new(self.origin, self.key(key), value.as_table()?))
+        })
+    }
+
+    /// An array of tables.
+    pub fn sections(&self, key: &str, expected: &str) -> Read<Vec<Section<'a>>> {
+        self.required(key, expected, |value| {
+            let tables = value.as_array()?.iter().enumerate().map(|(i, value)| {
+                Some(Section::new(
+                    self.origin,
+                    format!("{}[{i}]", self.key(key)),
+                    value.as_table()?,
+                ))
+            });
+            tables.collect()
+        })
+    }
+
+    /// A value that `read` accepts; it must be there.
+    pub fn required<T>(
+        &self,
+        key: &str,
+        expected: &str,
+        read: impl FnOnce(&'a Value) -> Option<T>,
+    ) -> Read<T> {
+        self.optional(key, expected, read)?.ok_or_else(|| self.refuse(key, expected))
+    }
+
+    /// A value that `read` accepts, or nothing.
+    pub fn optional<T>(
+        &self,
+        key: &str,
+        expected: &str,
+        read: impl FnOnce(&'a Value) -> Option<T>,
+    ) -> Read<Option<T>> {
+        self.known.borrow_mut().push(key.to_owned());
+        self.table
+            .get(key)
+            .map(|value| read(value).ok_or_else(|| self.refuse(key, expected)))
+            .transpose()
+    }
+
+    /// One of a few named choices; `default` when the key is absent.
+    pub fn choice<T: Copy>(&self, key: &str, choices: &[(&str, T)], default: Option<T>) -> Read<T> {
+        let names: Vec<_> = choices.iter().map(|(name, _)| format!("\"{name}\"")).collect();
+        let expected = format!("one of {}", names.join(", "));
+        let chosen = self.optional(key, &expected, |value| {
+            let text = value.as_str()?;
+            choices.iter().find(|(name, _)| *name == text).map(|(_, choice)| *choice)
+        })?;
+        chosen.or(default).ok_or_else(|| self.refuse(key, expected))
+    }
+
+    /// A duration of at least `least`; `default` when the key is absent.
+    pub fn duration(
+        &self,
+        key: &str,
+        least: Duration,
+        default: Option<Duration>,
+    ) -> Read<Duration> {
+        let expected = format!("{}, at least {}", duration::FORM, duration::format(least));
+        let found = self.optional(key, &expected, |value| {
+            duration::parse(value.as_str()?).filter(|duration| *duration >= least)
+        })?;
+        found.or(default).ok_or_else(|| self.refuse(key, expected))
+    }
+
+    /// Either one number for all axes or a list of `count`.
+    pub fn per_axis(
+        &self,
+        key: &str,
+        count: usize,
+        expected: &str,
+        accept: fn(f64) -> bool,
+    ) -> Read<Option<Vec<f64>>> {
+        self.optional(key, expected, |value| {
+            if let Some(number) = number(value) {
+                return accept(number).then(|| vec![number; count]);
+            }
+            numbers(value, count).filter(|list| list.iter().all(|x| accept(*x)))
+        })
+    }
+
+    fn key(&self, key: &str) -> String {
+        if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) }
+    }
+}
+
+/// A finite number, whether written with a decimal point or not.
+pub fn number(value: &Value) -> Option<f64> {
+    let number = value.as_float().or_else(|| value.as_integer().map(|i| i as f64))?;
+    number.is_finite().then_some(number)
+}
+
+/// A number greater than zero.
+pub fn positive(value: &Value) -> Option<f64> {
+    number(value).filter(|x| *x > 0.0)
+}
+
+/// Exactly `count` finite numbers.
+pub fn numbers(value: &Value, count: usize) -> Option<Vec<f64>> {
+    let list: Vec<_> = value.as_array()?.iter().map(number).collect::<Option<_>>()?;
+    (list.len() == count).then_some(list)
+}
+
+/// A value in one line, cut where it would fill the screen.
+fn short(value: &Value) -> String {
+    let text = value.to_string().replace('\n', " ");
+    if text.chars().count() <= 80 {
+        text
+    } else {
+        text.chars().take(77).chain("...".chars()).collect()
+    }
+}

@@ -1,0 +1,182 @@
+//! Desired motions of the tip.
+
+use nalgebra::{SVector, Vector2};
+
+use crate::scalar::Scalar;
+
+/// Where the tip should be and how it should move there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion<T, const M: usize> {
+    /// m.
+    pub position: SVector<T, M>,
+    /// m/s.
+    pub velocity: SVector<T, M>,
+    /// m/s².
+    pub acceleration: SVector<T, M>,
+}
+
+/// A desired path in the plane over time, with exact derivatives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Trajectory<T> {
+    /// A [`Circle`] with a [`Ripple`]: the paper's eq. (18).
+    PerturbedCircle(Circle<T>, Ripple<T>),
+    /// A plain circle.
+    Circle(Circle<T>),
+    /// From one point to another, at rest at both.
+    PointToPoint(PointToPoint<T>),
+}
+
+/// center + radius (cos(ωt + phase), sin(ωt + phase)).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Circle<T> {
+    /// m.
+    pub center: Vector2<T>,
+    /// m.
+    pub radius: T,
+    /// ω, rad/s.
+    pub angular_frequency: T,
+    /// rad.
+    pub phase: T,
+}
+
+/// amplitude · sin(multiple · ωt), added to both axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ripple<T> {
+    /// m.
+    pub amplitude: T,
+    /// Ripples a turn; 5 in the paper.
+    pub multiple: T,
+}
+
+/// A straight line with the quintic time law 10 s³ − 15 s⁴ + 6 s⁵, s = t / duration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointToPoint<T> {
+    /// m.
+    pub from: Vector2<T>,
+    /// m.
+    pub to: Vector2<T>,
+    /// s; afterwards the motion rests at `to`.
+    pub duration: T,
+}
+
+impl<T: Scalar> Trajectory<T> {
+    /// The desired motion at `time` seconds.
+    pub fn at(&self, time: T) -> Motion<T, 2> {
+        match self {
+            Self::Circle(circle) => circle.at(time),
+            Self::PerturbedCircle(circle, ripple) => {
+                let mut motion = circle.at(time);
+                let rate = ripple.multiple * circle.angular_frequency;
+                let (sin, cos) = (rate * time).sin_cos();
+                let swing = ripple.amplitude * rate;
+                let both = |value: T| Vector2::new(value, value);
+                motion.position += both(ripple.amplitude * sin);
+                motion.velocity += both(swing * cos);
+                motion.acceleration -= both(swing * rate * sin);
+                motion
+            }
+            Self::PointToPoint(line) => line.at(time),
+        }
+    }
+}
+
+impl<T: Scalar> Circle<T> {
+    fn at(&self, time: T) -> Motion<T, 2> {
+        let rate = self.angular_frequency;
+        let (sin, cos) = (rate * time + self.phase).sin_cos();
+        let spoke = Vector2::new(cos, sin) * self.radius;
+        Motion {
+            position: self.center + spoke,
+            velocity: Vector2::new(-spoke.y, spoke.x) * rate,
+            acceleration: spoke * -(rate * rate),
+        }
+    }
+}
+
+impl<T: Scalar> PointToPoint<T> {
+    fn at(&self, time: T) -> Motion<T, 2> {
+        let c = T::constant;
+        let s = time / self.duration;
+        let way = self.to - self.from;
+        let still = Vector2::zeros();
+        if s <= T::zero() {
+            return Motion { position: self.from, velocity: still, acceleration: still };
+        }
+        if s >= T::one() {
+            return Motion { position: self.to, velocity: still, acceleration: still };
+        }
+        let rest = T::one() - s;
+        let rate = T::one() / self.duration;
+        Motion {
+            position: self.from + way * (s * s * s * (c(10.0) - s * (c(15.0) - c(6.0) * s))),
+            velocity: way * (c(30.0) * s * s * rest * rest * rate),
+            acceleration: way * (c(60.0) * s * rest * (T::one() - c(2.0) * s) * rate * rate),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all() -> [Trajectory<f64>; 3] {
+        let circle = Circle {
+            center: Vector2::new(0.1, -0.2),
+            radius: 2f64.sqrt(),
+            angular_frequency: 1.3,
+            phase: std::f64::consts::FRAC_PI_4,
+        };
+        [
+            Trajectory::PerturbedCircle(circle, Ripple { amplitude: 0.1, multiple: 5.0 }),
+            Trajectory::Circle(circle),
+            Trajectory::PointToPoint(PointToPoint {
+                from: Vector2::new(1.0, 0.5),
+                to: Vector2::new(0.2, 1.4),
+                duration: 2.0,
+            }),
+        ]
+    }
+
+    #[test]
+    fn derivatives_agree_with_central_differences() {
+        let h = 1e-5;
+        for trajectory in all() {
+            for i in 0..50 {
+                let t = 0.037 + 0.05 * f64::from(i);
+                let (before, now, after) =
+                    (trajectory.at(t - h), trajectory.at(t), trajectory.at(t + h));
+                let velocity = (after.position - before.position) / (2.0 * h);
+                let acceleration = (after.velocity - before.velocity) / (2.0 * h);
+                assert!((velocity - now.velocity).norm() < 1e-8, "{trajectory:?} at {t}");
+                assert!((acceleration - now.acceleration).norm() < 1e-7, "{trajectory:?} at {t}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_perturbed_circle_is_eq_18() {
+        let (omega, t) = (2.0, 0.77);
+        let radius = 2f64.sqrt();
+        let circle = Circle {
+            center: Vector2::zeros(),
+            radius,
+            angular_frequency: omega,
+            phase: std::f64::consts::FRAC_PI_4,
+        };
+        let at =
+            Trajectory::PerturbedCircle(circle, Ripple { amplitude: 0.1, multiple: 5.0 }).at(t);
+        let angle = omega * t + std::f64::consts::FRAC_PI_4;
+        let ripple = 0.1 * (5.0 * omega * t).sin();
+        assert!((at.position.x - (radius * angle.cos() + ripple)).abs() < 1e-14);
+        assert!((at.position.y - (radius * angle.sin() + ripple)).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_point_to_point_motion_starts_and_ends_at_rest() {
+        let line = all()[2];
+        for (t, x) in [(-1.0, 1.0), (0.0, 1.0), (2.0, 0.2), (9.0, 0.2)] {
+            let at = line.at(t);
+            assert_eq!((at.position.x, at.velocity.norm(), at.acceleration.norm()), (x, 0.0, 0.0));
+        }
+    }
+}
