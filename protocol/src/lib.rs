@@ -1,1 +1,26 @@
+//! What the processes of a session say to each other.
+//!
+//! ```text
+//! port      what each role may say and hear          PlantPort, ControllerPort, MonitorPort
+//! gate      what is acceptable                       version, run, order, finite numbers
+//! bus       moving samples: one trait                Bus, Writer, Reader, Offering
+//! transport a file each                              local, iceoryx2, zenoh
+//! codec     samples as bytes                         bincode, fixed-width little-endian
+//! sample    the samples                              repr(C), no pointers, no padding
+//! ```
+//!
+//! Each layer knows only those below it.
 
+pub mod bus;
+pub mod codec;
+pub mod gate;
+#[cfg(feature = "iceoryx2")]
+pub mod iceoryx2;
+pub mod local;
+mod mailbox;
+pub mod options;
+pub mod port;
+pub mod sample;
+pub mod shutdown;
+#[cfg(feature = "zenoh")]
+pub mod zenoh;

@@ -14,11 +14,11 @@ pub struct BusSettings {
     /// How a role waits for the next sample.
     pub wait: Wait,
     /// Zenoh: where the plant listens.
-    pub listen: Vec<String>,
-    /// Zenoh: where controller and monitor connect; where the plant listens unless given.
-    pub connect: Vec<String>,
-    /// Zenoh: whether peers are sought by multicast.
-    pub scouting: bool,
+    pub listen: Option<Vec<String>>,
+    /// Zenoh: where controller and monitor connect.
+    pub connect: Option<Vec<String>>,
+    /// Zenoh: whether peers are sought by multicast; not unless asked for.
+    pub scouting: Option<bool>,
     /// Zenoh: a configuration file to start from.
     pub config: Option<PathBuf>,
 }
@@ -69,14 +69,24 @@ impl BusSettings {
         Self::read(root.optional_section("bus")?)
     }
 
+    /// Where the plant listens: on loopback unless told otherwise.
+    pub fn listen_endpoints(&self) -> Vec<String> {
+        self.listen.clone().unwrap_or_else(|| vec![DEFAULT_ENDPOINT.to_owned()])
+    }
+
+    /// Where the others connect: where the plant listens unless told otherwise.
+    pub fn connect_endpoints(&self) -> Vec<String> {
+        self.connect.clone().unwrap_or_else(|| self.listen_endpoints())
+    }
+
     pub(super) fn read(section: Option<Section<'_>>) -> Result<Self, ScenarioError> {
         let mut settings = Self {
             kind: BusKind::Local,
             session: "default".to_owned(),
             wait: Wait::Block,
-            listen: vec![DEFAULT_ENDPOINT.to_owned()],
-            connect: vec![DEFAULT_ENDPOINT.to_owned()],
-            scouting: false,
+            listen: None,
+            connect: None,
+            scouting: None,
             config: None,
         };
         let Some(section) = section else { return Ok(settings) };
@@ -94,13 +104,9 @@ impl BusSettings {
         }
         let waits = [("spin", Wait::Spin), ("block", Wait::Block)];
         settings.wait = section.choice("wait", &waits, Some(settings.wait))?;
-        let listen = endpoints(&section, "listen")?;
-        let connect = endpoints(&section, "connect")?;
-        settings.connect = connect.or_else(|| listen.clone()).unwrap_or(settings.connect);
-        settings.listen = listen.unwrap_or(settings.listen);
-        settings.scouting = section
-            .optional("scouting", "true or false", toml::Value::as_bool)?
-            .unwrap_or(settings.scouting);
+        settings.listen = endpoints(&section, "listen")?;
+        settings.connect = endpoints(&section, "connect")?;
+        settings.scouting = section.optional("scouting", "true or false", toml::Value::as_bool)?;
         settings.config = section
             .optional("config", "the path of a Zenoh configuration file", toml::Value::as_str)?
             .map(PathBuf::from);

@@ -1,0 +1,93 @@
+//! The regulating factor k: how much of the memory to trust.
+
+use mtj_model::{matrix, scalar::Scalar};
+use nalgebra::SVector;
+
+use super::TrackingError;
+
+/// How k follows from the tracking error. Thresholds are positive, in m and m/s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Factor<T, const M: usize> {
+    /// Eq. (14): 1 while ‖e‖ < ε and ‖ė‖ < ε̇, else 0.
+    Switch {
+        /// ε.
+        error: T,
+        /// ε̇.
+        error_rate: T,
+    },
+    /// Eq. (15a): exp(−(‖e‖/e_max + ‖ė‖/ė_max)).
+    Exponential {
+        /// e_max.
+        error: T,
+        /// ė_max.
+        error_rate: T,
+    },
+    /// Eq. (15b): kᵢᵢ = exp(−(|eᵢ|/e_maxᵢ + |ėᵢ|/ė_maxᵢ)).
+    Diagonal {
+        /// e_max of each axis.
+        error: SVector<T, M>,
+        /// ė_max of each axis.
+        error_rate: SVector<T, M>,
+    },
+}
+
+/// A regulating factor: one number, or one for each axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Regulation<T, const M: usize> {
+    /// Use the memory as it is: k = 1 without a multiplication.
+    All,
+    /// Use none of it: k = 0, plain tj.
+    Nothing,
+    /// k.
+    Scalar(T),
+    /// The diagonal of K.
+    Diagonal(SVector<T, M>),
+}
+
+impl<T: Scalar, const M: usize> Factor<T, M> {
+    /// k for a tracking error.
+    pub fn regulate(&self, e: &TrackingError<T, M>) -> Regulation<T, M> {
+        match self {
+            Self::Switch { error, error_rate } => {
+                let small = matrix::norm(&e.position) < *error
+                    && matrix::norm(&e.velocity) < *error_rate;
+                if small { Regulation::All } else { Regulation::Nothing }
+            }
+            Self::Exponential { error, error_rate } => Regulation::Scalar(fade(
+                matrix::norm(&e.position) / *error,
+                matrix::norm(&e.velocity) / *error_rate,
+            )),
+            Self::Diagonal { error, error_rate } => {
+                Regulation::Diagonal(SVector::from_fn(|i, _| {
+                    fade(e.position[i].abs() / error[i], e.velocity[i].abs() / error_rate[i])
+                }))
+            }
+        }
+    }
+}
+
+fn fade<T: Scalar>(error: T, error_rate: T) -> T {
+    (-(error + error_rate)).exp()
+}
+
+impl<T: Scalar, const M: usize> Regulation<T, M> {
+    /// k · memory.
+    pub fn times(&self, memory: &SVector<T, M>) -> SVector<T, M> {
+        match self {
+            Self::All => *memory,
+            Self::Nothing => SVector::zeros(),
+            Self::Scalar(k) => memory * *k,
+            Self::Diagonal(k) => k.component_mul(memory),
+        }
+    }
+
+    /// k on each axis.
+    pub fn per_axis(&self) -> SVector<T, M> {
+        match self {
+            Self::All => SVector::repeat(T::one()),
+            Self::Nothing => SVector::zeros(),
+            Self::Scalar(k) => SVector::repeat(*k),
+            Self::Diagonal(k) => *k,
+        }
+    }
+}

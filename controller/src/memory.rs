@@ -1,0 +1,55 @@
+//! The previous-step memory: which task force mtj adds to its next one.
+
+use mtj_model::{
+    PLANE,
+    scenario::{MemoryPolicy, MemorySettings},
+};
+use mtj_protocol::sample::StateSample;
+use nalgebra::SVector;
+
+/// What the controller remembers, if the policy asks it to remember anything.
+///
+/// `applied` and `delivered` come back from the plant in every state sample, so a controller that
+/// takes over in mid-run knows them at once. Only `sent` is kept here.
+#[derive(Clone, Copy, Debug)]
+pub struct Memory {
+    policy: MemoryPolicy,
+    step_ns: u64,
+    latched: SVector<f64, PLANE>,
+    latched_in_step: Option<u64>,
+    is_first: bool,
+}
+
+impl Memory {
+    /// An empty memory: the first [`Memory::recall`] gives nothing, whatever the policy.
+    pub fn new(settings: &MemorySettings) -> Self {
+        Self {
+            policy: settings.policy,
+            step_ns: settings.step.as_nanos() as u64,
+            latched: SVector::zeros(),
+            latched_in_step: None,
+            is_first: true,
+        }
+    }
+
+    /// The remembered task force at a sample, N; `None` at the first one.
+    pub fn recall(&self, state: &StateSample) -> Option<SVector<f64, PLANE>> {
+        let from_plant = |force: &[f64]| SVector::from_fn(|i, _| force[i]);
+        (!self.is_first).then(|| match self.policy {
+            MemoryPolicy::Sent => self.latched,
+            MemoryPolicy::Applied => from_plant(&state.applied),
+            MemoryPolicy::Delivered => from_plant(&state.delivered),
+        })
+    }
+
+    /// Remembers the task force computed at a sample: the first one in each memory step is latched
+    /// and serves until the next, so with Δt = T_s it is always the previous one.
+    pub fn store(&mut self, state: &StateSample, force: &SVector<f64, PLANE>) {
+        self.is_first = false;
+        let step = state.header.time_ns / self.step_ns;
+        if self.latched_in_step != Some(step) {
+            self.latched_in_step = Some(step);
+            self.latched = *force;
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! The controller as a process: answers the states of whatever plant is on its bus.
+
+use std::{
+    fmt, thread,
+    time::{Duration, Instant},
+};
+
+use mtj_model::scenario::{Scenario, Wait};
+use mtj_protocol::{
+    bus::{Bus, BusError},
+    port::{self, ControllerPort, Heard},
+    sample::TorqueSample,
+};
+
+use crate::{Controller, LawError};
+
+/// How often to look whether to go on.
+const PATIENCE: Duration = Duration::from_millis(100);
+/// How long to wait for a restarted plant's scenario before asking again.
+const PAUSE: Duration = Duration::from_millis(5);
+
+/// Why a controller stopped.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ServeError {
+    /// The bus failed.
+    Bus(BusError),
+    /// The law could not answer.
+    Law(LawError),
+}
+
+impl fmt::Display for ServeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bus(error) => error.fmt(f),
+            Self::Law(error) => error.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for ServeError {}
+
+impl From<BusError> for ServeError {
+    fn from(error: BusError) -> Self {
+        Self::Bus(error)
+    }
+}
+
+impl From<LawError> for ServeError {
+    fn from(error: LawError) -> Self {
+        Self::Law(error)
+    }
+}
+
+/// Answers states as long as `proceed` says so: fetches the scenario, waiting for a plant that is not
+/// there yet, and fetches it anew whenever another plant takes the old one's place.
+///
+/// Waits as the scenario says, unless `wait` says otherwise.
+pub fn serve(
+    bus: &impl Bus,
+    wait: Option<Wait>,
+    proceed: &dyn Fn() -> bool,
+) -> Result<(), ServeError> {
+    while let Some((run, scenario)) = port::fetch_scenario(bus, proceed)? {
+        let mut port = ControllerPort::open(bus, run, wait.unwrap_or(scenario.bus.wait))?;
+        serve_run(&mut port, &scenario, proceed)?;
+        thread::sleep(PAUSE);
+    }
+    Ok(())
+}
+
+/// Answers the states of one run; returns when another run's appear.
+fn serve_run(
+    port: &mut ControllerPort,
+    scenario: &Scenario,
+    proceed: &dyn Fn() -> bool,
+) -> Result<(), ServeError> {
+    let mut controller = Controller::new(scenario);
+    while proceed() {
+        match port.receive(Instant::now() + PATIENCE)? {
+            None => {}
+            Some(Heard::OtherRun(_)) => return Ok(()),
+            Some(Heard::Again(state)) => port.send(&controller.answer_again(&state))?,
+            Some(Heard::State(state)) => {
+                let received = Instant::now();
+                let torque = controller.respond(&state)?;
+                let residence_ns = received.elapsed().as_nanos() as u64;
+                port.send(&TorqueSample { residence_ns, ..torque })?;
+                port.publish(controller.error())?;
+            }
+        }
+    }
+    Ok(())
+}

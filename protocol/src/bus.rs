@@ -1,0 +1,175 @@
+//! The bus: one trait, and a file for each transport.
+//!
+//! A bus moves samples of a topic from writers to readers, and a scenario from a plant to whoever
+//! asks. It knows nothing of control: which topics a role may write is decided in [`crate::port`],
+//! and what is acceptable in [`crate::gate`].
+
+use std::{fmt, time::Instant};
+
+use mtj_model::scenario::{BusKind, BusSettings, Wait};
+
+use crate::{local::LocalBus, sample::Sample};
+
+#[cfg(feature = "iceoryx2")]
+use crate::iceoryx2::Iceoryx2Bus;
+#[cfg(feature = "zenoh")]
+use crate::zenoh::ZenohBus;
+
+/// Something that moves samples.
+pub trait Bus {
+    /// A writer of one topic.
+    fn writer<S: Sample>(&self) -> Result<Box<dyn Writer<S>>, BusError>;
+    /// A reader of one topic.
+    fn reader<S: Sample>(&self, depth: Depth, wait: Wait) -> Result<Box<dyn Reader<S>>, BusError>;
+    /// Offers bytes (an encoded scenario) to all who [`Bus::fetch`], for as long as the result lives.
+    fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError>;
+    /// What is on offer now, if anything.
+    fn fetch(&self) -> Result<Option<Vec<u8>>, BusError>;
+}
+
+/// How much a reader keeps for its owner.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Depth {
+    /// The newest sample: what a control loop wants.
+    Latest,
+    /// Every sample in order, as long as the reader is emptied within [`STREAM_DEPTH`] samples.
+    Stream,
+}
+
+/// How many samples a stream holds for a reader that is busy.
+pub const STREAM_DEPTH: usize = 4096;
+
+/// The writing end of a topic.
+pub trait Writer<S> {
+    /// Makes a sample visible to all readers. Never blocks.
+    fn write(&mut self, sample: &S) -> Result<(), BusError>;
+}
+
+/// The reading end of a topic.
+pub trait Reader<S> {
+    /// The next sample, if there is one.
+    fn take(&mut self) -> Result<Option<S>, BusError>;
+    /// Sleeps until there may be a sample, or until `until`.
+    fn sleep(&mut self, until: Instant) -> Result<(), BusError>;
+    /// How many messages on the topic were no samples.
+    fn malformed(&self) -> u64;
+}
+
+/// The offering end of a scenario.
+pub trait Offering {
+    /// Serves those who have come since. Cheap; call it a few times a second.
+    fn serve(&mut self) -> Result<(), BusError>;
+}
+
+/// Waits for the next sample until `until`, in the given manner.
+pub fn receive<S>(
+    reader: &mut dyn Reader<S>,
+    wait: Wait,
+    until: Instant,
+) -> Result<Option<S>, BusError> {
+    loop {
+        if let Some(sample) = reader.take()? {
+            return Ok(Some(sample));
+        }
+        if Instant::now() >= until {
+            return Ok(None);
+        }
+        match wait {
+            Wait::Spin => std::hint::spin_loop(),
+            Wait::Block => reader.sleep(until)?,
+        }
+    }
+}
+
+/// What can go wrong with a bus.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BusError {
+    /// The user asked for something that cannot be: an address in use, a file that is not there.
+    Settings(String),
+    /// The transport failed.
+    Transport(String),
+}
+
+impl fmt::Display for BusError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Settings(sentence) | Self::Transport(sentence) => f.write_str(sentence),
+        }
+    }
+}
+
+impl std::error::Error for BusError {}
+
+/// Which end of the loop a process is: on Zenoh the plant listens and the others connect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// Owns the arm, the clock and the scenario.
+    Plant,
+    /// Answers states with torques, or only listens.
+    Other,
+}
+
+/// Any of the transports, chosen at run time.
+pub enum AnyBus {
+    /// In one process.
+    Local(LocalBus),
+    /// Shared memory.
+    #[cfg(feature = "iceoryx2")]
+    Iceoryx2(Iceoryx2Bus),
+    /// Zenoh.
+    #[cfg(feature = "zenoh")]
+    Zenoh(ZenohBus),
+}
+
+impl AnyBus {
+    /// Joins the bus that the settings name. On Zenoh everyone but the plant waits for somebody to
+    /// connect to, as long as `proceed` says so; `None` when it no longer does.
+    pub fn open(
+        settings: &BusSettings,
+        role: Role,
+        proceed: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, BusError> {
+        match settings.kind {
+            BusKind::Local => Err(BusError::Settings(
+                "bus.kind = \"local\" stays within one process; roles of their own need iceoryx2 or zenoh"
+                    .to_owned(),
+            )),
+            #[cfg(feature = "iceoryx2")]
+            BusKind::Iceoryx2 => Ok(Some(Self::Iceoryx2(Iceoryx2Bus::open(&settings.session)?))),
+            #[cfg(feature = "zenoh")]
+            BusKind::Zenoh => Ok(ZenohBus::open(settings, role, proceed)?.map(Self::Zenoh)),
+            #[cfg(not(all(feature = "iceoryx2", feature = "zenoh")))]
+            kind => {
+                let _ = (role, proceed);
+                Err(BusError::Settings(format!("this program was built without {}", kind.name())))
+            }
+        }
+    }
+}
+
+macro_rules! on_any {
+    ($self:ident, $bus:ident => $call:expr) => {
+        match $self {
+            Self::Local($bus) => $call,
+            #[cfg(feature = "iceoryx2")]
+            Self::Iceoryx2($bus) => $call,
+            #[cfg(feature = "zenoh")]
+            Self::Zenoh($bus) => $call,
+        }
+    };
+}
+
+impl Bus for AnyBus {
+    fn writer<S: Sample>(&self) -> Result<Box<dyn Writer<S>>, BusError> {
+        on_any!(self, bus => bus.writer())
+    }
+    fn reader<S: Sample>(&self, depth: Depth, wait: Wait) -> Result<Box<dyn Reader<S>>, BusError> {
+        on_any!(self, bus => bus.reader(depth, wait))
+    }
+    fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {
+        on_any!(self, bus => bus.offer(bytes))
+    }
+    fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
+        on_any!(self, bus => bus.fetch())
+    }
+}

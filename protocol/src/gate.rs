@@ -1,0 +1,104 @@
+//! The edge: what passed a gate needs no more checks inside.
+
+use mtj_model::{MAX_AXES, MAX_JOINTS};
+
+use crate::sample::{Sample, VERSION};
+
+/// What a gate makes of a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Newer than everything before it.
+    Fresh,
+    /// The newest one once more.
+    Repeated,
+    /// Not acceptable.
+    Refused(Fault),
+}
+
+/// Why a sample is not acceptable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// Written by a program with another protocol version.
+    Version,
+    /// Counts out of range.
+    Malformed,
+    /// From another incarnation of the plant, or for one.
+    Run,
+    /// Not finite.
+    NotFinite,
+    /// Older than the newest.
+    Stale,
+}
+
+impl Fault {
+    /// What to tell the user, once.
+    pub fn sentence(self) -> &'static str {
+        match self {
+            Self::Version => "it speaks another protocol version; run the same mtj on all machines",
+            Self::Malformed => "it is not a sample",
+            Self::Run => "it belongs to another run of the plant",
+            Self::NotFinite => "it holds a number that is not finite",
+            Self::Stale => "it is older than the newest one",
+        }
+    }
+}
+
+/// Lets only acceptable samples of one run pass, each later than the one before.
+#[derive(Clone, Copy, Debug)]
+pub struct Gate {
+    run: u64,
+    newest: Option<u64>,
+    refused: u64,
+}
+
+impl Gate {
+    /// A gate for the samples of `run`.
+    pub fn new(run: u64) -> Self {
+        Self { run, newest: None, refused: 0 }
+    }
+
+    /// Judges a sample and, if it is fresh, remembers it as the newest.
+    pub fn judge<S: Sample>(&mut self, sample: &S) -> Verdict {
+        let header = sample.header();
+        if let Some(fault) = fault(sample).or((header.run != self.run).then_some(Fault::Run)) {
+            return self.refuse(fault);
+        }
+        match self.newest {
+            Some(newest) if header.sequence < newest => self.refuse(Fault::Stale),
+            Some(newest) if header.sequence == newest => Verdict::Repeated,
+            _ => {
+                self.newest = Some(header.sequence);
+                Verdict::Fresh
+            }
+        }
+    }
+
+    /// How many samples were refused.
+    pub fn refused(&self) -> u64 {
+        self.refused
+    }
+
+    /// The sequence number of the newest sample that passed.
+    pub fn newest(&self) -> Option<u64> {
+        self.newest
+    }
+
+    fn refuse(&mut self, fault: Fault) -> Verdict {
+        self.refused += 1;
+        Verdict::Refused(fault)
+    }
+}
+
+/// What is wrong with a sample on its own, whatever run it belongs to.
+pub fn fault<S: Sample>(sample: &S) -> Option<Fault> {
+    let header = sample.header();
+    if header.version != VERSION {
+        return Some(Fault::Version);
+    }
+    let within = |count: u32, most: usize| (1..=most as u32).contains(&count);
+    if !within(header.joints, MAX_JOINTS) || !within(header.axes, MAX_AXES) {
+        return Some(Fault::Malformed);
+    }
+    let finite = sample.vectors().flatten().all(|x| x.is_finite());
+    (!finite).then_some(Fault::NotFinite)
+}

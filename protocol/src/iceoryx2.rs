@@ -1,0 +1,258 @@
+//! The bus over iceoryx2: zero-copy shared memory between the processes of one machine.
+//!
+//! Each topic is a publish-subscribe service `mtj/<session>/<topic>`. A loop's reader has a buffer
+//! of one with safe overflow, so the newest sample wins; a stream's reader has a deep one. Readers
+//! that block have a listener beside it, and writers notify only while there is one, so a spinning
+//! loop makes no system calls. The scenario is a service of bytes with a history of one.
+
+use std::{
+    cell::RefCell,
+    fmt::Debug,
+    rc::Rc,
+    thread,
+    time::{Duration, Instant},
+};
+
+use iceoryx2::{
+    port::{
+        listener::Listener, notifier::Notifier, publisher::Publisher, subscriber::Subscriber,
+        update_connections::UpdateConnections,
+    },
+    prelude::*,
+    service::port_factory::{event, publish_subscribe},
+};
+use mtj_model::scenario::Wait;
+
+use crate::{
+    bus::{self, Bus, BusError, Depth, Offering, Reader, STREAM_DEPTH, Writer},
+    sample::Sample,
+};
+
+/// How many processes may read a topic, monitors included.
+const MAX_READERS: usize = 8;
+/// How many processes may write a topic that several may write.
+const MAX_WRITERS: usize = 4;
+/// How many processes may take part in a session.
+const MAX_NODES: usize = 32;
+/// The longest scenario, bytes.
+const MAX_OFFER: usize = 65536;
+/// How often a stream's reader looks again; it is no part of the loop, so it does not ask to be woken.
+const STREAM_POLL: Duration = Duration::from_millis(1);
+
+/// A session on shared memory.
+pub struct Iceoryx2Bus {
+    node: Rc<Node<ipc::Service>>,
+    session: String,
+    offers: RefCell<Offers>,
+}
+
+#[derive(Default)]
+struct Offers {
+    subscriber: Option<Subscriber<ipc::Service, [u8], ()>>,
+    newest: Option<Vec<u8>>,
+}
+
+impl Iceoryx2Bus {
+    /// Joins the session, after clearing away what dead processes left behind.
+    pub fn open(session: &str) -> Result<Self, BusError> {
+        set_log_level_from_env_or(LogLevel::Fatal);
+        let node = NodeBuilder::new()
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<ipc::Service>()
+            .map_err(failure("shared memory could not be opened"))?;
+        Ok(Self { node: Rc::new(node), session: session.to_owned(), offers: RefCell::default() })
+    }
+
+    fn name(&self, topic: &str) -> Result<ServiceName, BusError> {
+        ServiceName::new(&format!("mtj/{}/{topic}", self.session)).map_err(failure("the session's name"))
+    }
+
+    fn service<S: Sample>(
+        &self,
+    ) -> Result<publish_subscribe::PortFactory<ipc::Service, S, ()>, BusError> {
+        self.node
+            .service_builder(&self.name(S::TOPIC)?)
+            .publish_subscribe::<S>()
+            .enable_safe_overflow(true)
+            .subscriber_max_buffer_size(STREAM_DEPTH)
+            .subscriber_max_borrowed_samples(1)
+            .history_size(0)
+            .max_publishers(if S::ONE_WRITER { 1 } else { MAX_WRITERS })
+            .max_subscribers(MAX_READERS)
+            .max_nodes(MAX_NODES)
+            .open_or_create()
+            .map_err(failure(S::TOPIC))
+    }
+
+    fn event_service(&self, topic: &str) -> Result<event::PortFactory<ipc::Service>, BusError> {
+        self.node
+            .service_builder(&self.name(topic)?)
+            .event()
+            .max_listeners(MAX_READERS)
+            .max_notifiers(MAX_WRITERS)
+            .max_nodes(MAX_NODES)
+            .open_or_create()
+            .map_err(failure(topic))
+    }
+
+    fn offer_service(
+        &self,
+    ) -> Result<publish_subscribe::PortFactory<ipc::Service, [u8], ()>, BusError> {
+        self.node
+            .service_builder(&self.name("scenario")?)
+            .publish_subscribe::<[u8]>()
+            .enable_safe_overflow(true)
+            .history_size(1)
+            .subscriber_max_buffer_size(1)
+            .subscriber_max_borrowed_samples(1)
+            .max_publishers(1)
+            .max_subscribers(MAX_NODES)
+            .max_nodes(MAX_NODES)
+            .open_or_create()
+            .map_err(failure("scenario"))
+    }
+
+    fn writer_of<S: Sample>(&self) -> Result<Iceoryx2Writer<S>, BusError> {
+        let publisher = self
+            .service::<S>()?
+            .publisher_builder()
+            .max_loaned_samples(1)
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+            .map_err(|error| taken(&self.session, S::TOPIC, &error))?;
+        let event = self.event_service(S::TOPIC)?;
+        let notifier = event.notifier_builder().create().map_err(failure(S::TOPIC))?;
+        Ok(Iceoryx2Writer { publisher, notifier, event })
+    }
+}
+
+impl Bus for Iceoryx2Bus {
+    fn writer<S: Sample>(&self) -> Result<Box<dyn Writer<S>>, BusError> {
+        Ok(Box::new(self.writer_of()?))
+    }
+
+    fn reader<S: Sample>(&self, depth: Depth, wait: Wait) -> Result<Box<dyn Reader<S>>, BusError> {
+        let buffer = if depth == Depth::Latest { 1 } else { STREAM_DEPTH };
+        let subscriber = self
+            .service::<S>()?
+            .subscriber_builder()
+            .buffer_size(buffer)
+            .create()
+            .map_err(failure(S::TOPIC))?;
+        let listener = match (depth, wait) {
+            (Depth::Latest, Wait::Block) => {
+                let event = self.event_service(S::TOPIC)?;
+                Some(event.listener_builder().create().map_err(failure(S::TOPIC))?)
+            }
+            _ => None,
+        };
+        Ok(Box::new(Iceoryx2Reader { subscriber, listener }))
+    }
+
+    fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {
+        if bytes.len() > MAX_OFFER {
+            return Err(BusError::Settings(format!(
+                "the scenario is {} bytes long; shared memory takes up to {MAX_OFFER}",
+                bytes.len()
+            )));
+        }
+        let publisher = self
+            .offer_service()?
+            .publisher_builder()
+            .initial_max_slice_len(MAX_OFFER)
+            .create()
+            .map_err(|error| taken(&self.session, "scenario", &error))?;
+        let sample = publisher.loan_slice_uninit(bytes.len()).map_err(failure("scenario"))?;
+        sample.write_from_slice(&bytes).send().map_err(failure("scenario"))?;
+        Ok(Box::new(Iceoryx2Offer(publisher)))
+    }
+
+    fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
+        let mut offers = self.offers.borrow_mut();
+        if offers.subscriber.is_none() {
+            let service = self.offer_service()?;
+            let subscriber = service.subscriber_builder().create().map_err(failure("scenario"))?;
+            offers.subscriber = Some(subscriber);
+        }
+        while let Some(subscriber) = &offers.subscriber
+            && let Some(sample) = subscriber.receive().map_err(failure("scenario"))?
+        {
+            let bytes = sample.payload().to_vec();
+            drop(sample);
+            offers.newest = Some(bytes);
+        }
+        Ok(offers.newest.clone())
+    }
+}
+
+struct Iceoryx2Writer<S: Sample> {
+    publisher: Publisher<ipc::Service, S, ()>,
+    notifier: Notifier<ipc::Service>,
+    event: event::PortFactory<ipc::Service>,
+}
+
+impl<S: Sample> Writer<S> for Iceoryx2Writer<S> {
+    fn write(&mut self, sample: &S) -> Result<(), BusError> {
+        self.publisher.send_copy(*sample).map_err(failure(S::TOPIC))?;
+        if self.event.dynamic_config().number_of_listeners() > 0 {
+            // A listener that died meanwhile is no reason to stop.
+            let _ = self.notifier.notify();
+        }
+        Ok(())
+    }
+}
+
+struct Iceoryx2Reader<S: Sample> {
+    subscriber: Subscriber<ipc::Service, S, ()>,
+    listener: Option<Listener<ipc::Service>>,
+}
+
+impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
+    fn take(&mut self) -> Result<Option<S>, BusError> {
+        let sample = self.subscriber.receive().map_err(failure(S::TOPIC))?;
+        Ok(sample.map(|sample| *sample.payload()))
+    }
+
+    fn sleep(&mut self, until: Instant) -> Result<(), BusError> {
+        let patience = until.saturating_duration_since(Instant::now());
+        match &self.listener {
+            None => thread::sleep(patience.min(STREAM_POLL)),
+            Some(listener) => {
+                listener.timed_wait(|_| {}, patience).map_err(failure(S::TOPIC))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn malformed(&self) -> u64 {
+        0 // Shared memory is typed: whoever disagrees about the layout cannot open the service.
+    }
+}
+
+struct Iceoryx2Offer(Publisher<ipc::Service, [u8], ()>);
+
+impl Offering for Iceoryx2Offer {
+    fn serve(&mut self) -> Result<(), BusError> {
+        self.0.update_connections().map_err(failure("scenario"))
+    }
+}
+
+fn failure<E: Debug>(what: &str) -> impl FnOnce(E) -> BusError {
+    move |error| BusError::Transport(format!("iceoryx2, {what}: {error:?}"))
+}
+
+/// A second writer on a topic for one: somebody else already plays this role.
+fn taken(
+    session: &str,
+    topic: &str,
+    error: &iceoryx2::port::publisher::PublisherCreateError,
+) -> BusError {
+    use iceoryx2::port::publisher::PublisherCreateError as E;
+    match error {
+        E::ExceedsMaxSupportedPublishers => BusError::Settings(format!(
+            "session '{session}' has as many processes that write '{topic}' as it may have; stop one, \
+             or choose another name with --session"
+        )),
+        error => bus::BusError::Transport(format!("iceoryx2, {topic}: {error:?}")),
+    }
+}

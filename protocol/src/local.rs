@@ -1,0 +1,93 @@
+//! The bus within one process: each reader has a mailbox, each writer puts into all of them.
+
+use std::{
+    any::{Any, TypeId},
+    collections::HashMap,
+    sync::{Arc, Mutex, MutexGuard, PoisonError, Weak},
+};
+
+use mtj_model::scenario::Wait;
+
+use crate::{
+    bus::{Bus, BusError, Depth, Offering, Reader, Writer},
+    mailbox::{Mailbox, MailboxReader},
+    sample::Sample,
+};
+
+/// A bus for the threads of one process. Clones share it.
+#[derive(Clone, Default)]
+pub struct LocalBus {
+    shared: Arc<Shared>,
+}
+
+#[derive(Default)]
+struct Shared {
+    /// A [`Topic`] for each kind of sample.
+    topics: Mutex<HashMap<TypeId, Box<dyn Any + Send>>>,
+    offer: Mutex<Option<Vec<u8>>>,
+}
+
+struct Topic<S>(Arc<Mutex<Vec<Weak<Mailbox<S>>>>>);
+
+impl LocalBus {
+    fn topic<S: Sample>(&self) -> Arc<Mutex<Vec<Weak<Mailbox<S>>>>> {
+        let mut topics = lock(&self.shared.topics);
+        let topic = topics.entry(TypeId::of::<S>()).or_insert_with(|| Box::new(Topic::<S>(Arc::default())));
+        // The key is the type, so the cast cannot fail.
+        topic.downcast_ref::<Topic<S>>().map(|topic| topic.0.clone()).unwrap_or_default()
+    }
+}
+
+impl Bus for LocalBus {
+    fn writer<S: Sample>(&self) -> Result<Box<dyn Writer<S>>, BusError> {
+        Ok(Box::new(LocalWriter(self.topic::<S>())))
+    }
+
+    fn reader<S: Sample>(&self, depth: Depth, _wait: Wait) -> Result<Box<dyn Reader<S>>, BusError> {
+        let mailbox = Mailbox::new(depth);
+        let topic = self.topic::<S>();
+        let mut readers = lock(&topic);
+        readers.retain(|reader| reader.strong_count() > 0);
+        readers.push(Arc::downgrade(&mailbox));
+        Ok(Box::new(MailboxReader { mailbox, keep: () }))
+    }
+
+    fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {
+        *lock(&self.shared.offer) = Some(bytes);
+        Ok(Box::new(LocalOffer(self.clone())))
+    }
+
+    fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
+        Ok(lock(&self.shared.offer).clone())
+    }
+}
+
+struct LocalWriter<S>(Arc<Mutex<Vec<Weak<Mailbox<S>>>>>);
+
+impl<S: Sample> Writer<S> for LocalWriter<S> {
+    fn write(&mut self, sample: &S) -> Result<(), BusError> {
+        for reader in lock(&self.0).iter().filter_map(Weak::upgrade) {
+            reader.put(*sample);
+        }
+        Ok(())
+    }
+}
+
+struct LocalOffer(LocalBus);
+
+impl Offering for LocalOffer {
+    fn serve(&mut self) -> Result<(), BusError> {
+        Ok(())
+    }
+}
+
+impl Drop for LocalOffer {
+    fn drop(&mut self) {
+        *lock(&self.0.shared.offer) = None;
+    }
+}
+
+/// Nothing here can panic while it holds a lock, so poisoning is of no interest.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,88 @@
+//! A bounded queue between two threads that keeps the newest.
+
+use std::{
+    collections::VecDeque,
+    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    time::Instant,
+};
+
+use crate::{
+    bus::{BusError, Depth, Reader, STREAM_DEPTH},
+    sample::Sample,
+};
+
+/// Where a transport's own thread leaves samples for a reader.
+///
+/// Full, it drops its oldest entry: a mailbox of one is a latest-value slot, a deep one a stream.
+pub struct Mailbox<S> {
+    inner: Mutex<Inner<S>>,
+    filled: Condvar,
+    capacity: usize,
+}
+
+struct Inner<S> {
+    queue: VecDeque<S>,
+    malformed: u64,
+}
+
+impl<S> Mailbox<S> {
+    /// An empty mailbox.
+    pub fn new(depth: Depth) -> Arc<Self> {
+        let capacity = match depth {
+            Depth::Latest => 1,
+            Depth::Stream => STREAM_DEPTH,
+        };
+        let inner = Inner { queue: VecDeque::with_capacity(capacity), malformed: 0 };
+        Arc::new(Self { inner: Mutex::new(inner), filled: Condvar::new(), capacity })
+    }
+
+    /// Leaves a sample, in place of the oldest if there is no room.
+    pub fn put(&self, sample: S) {
+        let mut inner = self.lock();
+        if inner.queue.len() == self.capacity {
+            inner.queue.pop_front();
+        }
+        inner.queue.push_back(sample);
+        drop(inner);
+        self.filled.notify_one();
+    }
+
+    /// Counts a message that was no sample.
+    #[cfg_attr(not(feature = "zenoh"), allow(dead_code))]
+    pub fn put_malformed(&self) {
+        self.lock().malformed += 1;
+    }
+
+    /// A panic elsewhere cannot leave a queue half changed, so poisoning is of no interest.
+    fn lock(&self) -> MutexGuard<'_, Inner<S>> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The reading end of a mailbox, with whatever keeps the writing end alive.
+pub struct MailboxReader<S, K> {
+    /// Where samples arrive.
+    pub mailbox: Arc<Mailbox<S>>,
+    /// Dropped with the reader: a subscription, or nothing.
+    #[expect(dead_code, reason = "held for its destructor")]
+    pub keep: K,
+}
+
+impl<S: Sample, K> Reader<S> for MailboxReader<S, K> {
+    fn take(&mut self) -> Result<Option<S>, BusError> {
+        Ok(self.mailbox.lock().queue.pop_front())
+    }
+
+    fn sleep(&mut self, until: Instant) -> Result<(), BusError> {
+        let inner = self.mailbox.lock();
+        let patience = until.saturating_duration_since(Instant::now());
+        if inner.queue.is_empty() && !patience.is_zero() {
+            let _ = self.mailbox.filled.wait_timeout(inner, patience);
+        }
+        Ok(())
+    }
+
+    fn malformed(&self) -> u64 {
+        self.mailbox.lock().malformed
+    }
+}

@@ -1,0 +1,74 @@
+//! The command line options by which any role finds its bus.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use mtj_model::scenario::{BusSettings, Override, ScenarioError};
+
+/// Where the others are. Each option stands for a key of the scenario's `[bus]` table.
+#[derive(Args, Clone, Debug, Default)]
+pub struct BusOptions {
+    /// Transport: local, iceoryx2 (shared memory) or zenoh
+    #[arg(long, value_name = "KIND")]
+    pub bus: Option<String>,
+    /// Name that separates the loops on one bus
+    #[arg(long, value_name = "NAME")]
+    pub session: Option<String>,
+    /// How the loop waits: spin (fastest, a core of its own) or block
+    #[arg(long, value_name = "MODE")]
+    pub wait: Option<String>,
+    /// Zenoh endpoint the plant listens on, like tcp/127.0.0.1:7447
+    #[arg(long, value_name = "ENDPOINT")]
+    pub listen: Option<String>,
+    /// Zenoh endpoint to connect to, like tcp/127.0.0.1:7447
+    #[arg(long, value_name = "ENDPOINT")]
+    pub connect: Option<String>,
+    /// Zenoh configuration file (JSON5) to start from
+    #[arg(long, value_name = "FILE")]
+    pub zenoh_config: Option<PathBuf>,
+}
+
+impl BusOptions {
+    fn pairs(&self) -> Vec<(&'static str, String)> {
+        let named = |key, value: &Option<String>| value.clone().map(|value| (key, value));
+        let config = self.zenoh_config.as_ref().map(|path| ("config", path.display().to_string()));
+        // An address or a configuration says which transport is meant.
+        let zenoh = self.listen.is_some() || self.connect.is_some() || config.is_some();
+        let bus = self.bus.clone().or_else(|| zenoh.then(|| "zenoh".to_owned()));
+        [
+            named("kind", &bus),
+            named("session", &self.session),
+            named("wait", &self.wait),
+            named("listen", &self.listen),
+            named("connect", &self.connect),
+            config,
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+
+    /// What these options change in a scenario.
+    pub fn overrides(&self) -> Vec<Override> {
+        self.pairs()
+            .into_iter()
+            .map(|(key, value)| Override::text(&format!("bus.{key}"), &value))
+            .collect()
+    }
+
+    /// The bus of a role that has no scenario yet: shared memory unless an option says otherwise.
+    pub fn settings(&self) -> Result<BusSettings, ScenarioError> {
+        let mut table = toml::Table::new();
+        table.insert("kind".to_owned(), "iceoryx2".into());
+        for (key, value) in self.pairs() {
+            table.insert(key.to_owned(), value.into());
+        }
+        BusSettings::from_table("command line", table)
+    }
+
+    /// The same options as arguments for another process.
+    pub fn arguments(&self) -> Vec<String> {
+        let flag = |key: &str| if key == "kind" { "--bus".to_owned() } else if key == "config" { "--zenoh-config".to_owned() } else { format!("--{key}") };
+        self.pairs().into_iter().flat_map(|(key, value)| [flag(key), value]).collect()
+    }
+}

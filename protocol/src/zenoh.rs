@@ -1,0 +1,190 @@
+//! The bus over Zenoh: between machines, or processes that should not share memory.
+//!
+//! The plant is a Zenoh peer that listens; controllers and monitors are clients that connect to it,
+//! directly or through a router, so that all traffic of a session passes through explicit addresses.
+//! Samples travel express (no batching), with real-time priority, and are dropped rather than queued
+//! when the network is congested: a late sample is worth less than the next one.
+
+use std::{
+    sync::Arc,
+    thread,
+    time::{Duration, Instant},
+};
+
+use mtj_model::scenario::{BusSettings, Wait};
+use zenoh::{
+    Config, Session, Wait as _,
+    pubsub::Publisher,
+    qos::{CongestionControl, Priority},
+};
+
+use crate::{
+    bus::{Bus, BusError, Depth, Offering, Reader, Role, Writer},
+    codec::{self, LARGEST_SAMPLE},
+    mailbox::{Mailbox, MailboxReader},
+    sample::Sample,
+};
+
+/// How long to wait before trying to connect once more.
+const RETRY: Duration = Duration::from_millis(100);
+/// How long an answer to a query may take.
+const QUERY_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// A session on Zenoh.
+pub struct ZenohBus {
+    session: Session,
+    prefix: String,
+}
+
+impl ZenohBus {
+    /// Opens a Zenoh session; a role other than the plant tries until somebody answers, as long as
+    /// `proceed` says so.
+    pub fn open(
+        settings: &BusSettings,
+        role: Role,
+        proceed: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, BusError> {
+        let config = configure(settings, role)?;
+        let session = loop {
+            if !proceed() {
+                return Ok(None);
+            }
+            match zenoh::open(config.clone()).wait() {
+                Ok(session) => break session,
+                Err(error) if role == Role::Plant => {
+                    return Err(BusError::Settings(format!(
+                        "bus.listen = {} cannot be listened on, perhaps because the port is in use ({error}); \
+                         choose another with --listen",
+                        settings.listen_endpoints().join(", ")
+                    )));
+                }
+                Err(_) => thread::sleep(RETRY),
+            }
+        };
+        Ok(Some(Self { session, prefix: format!("mtj/{}", settings.session) }))
+    }
+
+    fn key(&self, topic: &str) -> String {
+        format!("{}/{topic}", self.prefix)
+    }
+}
+
+/// The session's configuration: the user's file if there is one, ours over it where it speaks of
+/// what the user said on the command line or in the scenario.
+fn configure(settings: &BusSettings, role: Role) -> Result<Config, BusError> {
+    let refuse = |error: zenoh::Error| BusError::Settings(format!("the Zenoh configuration: {error}"));
+    let mut config = match &settings.config {
+        None => Config::default(),
+        Some(path) => Config::from_file(path).map_err(|error| {
+            BusError::Settings(format!("{}: not a Zenoh configuration ({error})", path.display()))
+        })?,
+    };
+    let mut set = |key: &str, value: String| config.insert_json5(key, &value).map_err(refuse);
+    let ours = settings.config.is_none();
+    if ours || settings.scouting.is_some() {
+        let scouting = settings.scouting.unwrap_or(false);
+        set("scouting/multicast/enabled", scouting.to_string())?;
+    }
+    if ours {
+        // Nobody needs to know of anybody but the plant, and nobody listens but where told.
+        set("scouting/gossip/enabled", "false".to_owned())?;
+        set("mode", if role == Role::Plant { "\"peer\"" } else { "\"client\"" }.to_owned())?;
+        set("listen/endpoints", "[]".to_owned())?;
+    }
+    match role {
+        Role::Plant if ours || settings.listen.is_some() => {
+            set("listen/endpoints", list(&settings.listen_endpoints()))?;
+            if settings.listen.is_some() && let Some(connect) = &settings.connect {
+                set("connect/endpoints", list(connect))?;
+            }
+        }
+        Role::Other if ours || settings.connect.is_some() || settings.listen.is_some() => {
+            set("connect/endpoints", list(&settings.connect_endpoints()))?;
+        }
+        _ => {}
+    }
+    Ok(config)
+}
+
+fn list(endpoints: &[String]) -> String {
+    format!("{endpoints:?}")
+}
+
+impl Bus for ZenohBus {
+    fn writer<S: Sample>(&self) -> Result<Box<dyn Writer<S>>, BusError> {
+        let publisher = self
+            .session
+            .declare_publisher(self.key(S::TOPIC))
+            .express(true)
+            .priority(Priority::RealTime)
+            .congestion_control(CongestionControl::Drop)
+            .wait()
+            .map_err(failure)?;
+        Ok(Box::new(ZenohWriter { publisher }))
+    }
+
+    fn reader<S: Sample>(&self, depth: Depth, _wait: Wait) -> Result<Box<dyn Reader<S>>, BusError> {
+        let mailbox = Mailbox::<S>::new(depth);
+        let arrivals = Arc::clone(&mailbox);
+        let subscriber = self
+            .session
+            .declare_subscriber(self.key(S::TOPIC))
+            .callback(move |message| match codec::decode(&message.payload().to_bytes()) {
+                Some(sample) => arrivals.put(sample),
+                None => arrivals.put_malformed(),
+            })
+            .wait()
+            .map_err(failure)?;
+        Ok(Box::new(MailboxReader { mailbox, keep: subscriber }))
+    }
+
+    fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {
+        let queryable = self
+            .session
+            .declare_queryable(self.key("scenario"))
+            .callback(move |query| {
+                // A peer that is gone before its answer will ask again.
+                let _ = query.reply(query.key_expr(), bytes.clone()).wait();
+            })
+            .wait()
+            .map_err(failure)?;
+        Ok(Box::new(ZenohOffer { _keep: queryable }))
+    }
+
+    fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
+        let replies =
+            self.session.get(self.key("scenario")).timeout(QUERY_TIMEOUT).wait().map_err(failure)?;
+        let end = Instant::now() + QUERY_TIMEOUT;
+        while let Ok(Some(reply)) = replies.recv_deadline(end) {
+            if let Ok(sample) = reply.result() {
+                return Ok(Some(sample.payload().to_bytes().into_owned()));
+            }
+        }
+        Ok(None)
+    }
+}
+
+struct ZenohWriter {
+    publisher: Publisher<'static>,
+}
+
+impl<S: Sample> Writer<S> for ZenohWriter {
+    fn write(&mut self, sample: &S) -> Result<(), BusError> {
+        let mut buffer = [0; LARGEST_SAMPLE];
+        self.publisher.put(codec::encode(sample, &mut buffer)).wait().map_err(failure)
+    }
+}
+
+struct ZenohOffer<Q> {
+    _keep: Q,
+}
+
+impl<Q> Offering for ZenohOffer<Q> {
+    fn serve(&mut self) -> Result<(), BusError> {
+        Ok(())
+    }
+}
+
+fn failure(error: zenoh::Error) -> BusError {
+    BusError::Transport(format!("zenoh: {error}"))
+}
