@@ -88,12 +88,16 @@ pub enum BusError {
     Settings(String),
     /// The transport failed.
     Transport(String),
+    /// The controller could not answer.
+    Controller(String),
 }
 
 impl fmt::Display for BusError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Settings(sentence) | Self::Transport(sentence) => f.write_str(sentence),
+            Self::Settings(sentence) | Self::Transport(sentence) | Self::Controller(sentence) => {
+                f.write_str(sentence)
+            }
         }
     }
 }

@@ -60,7 +60,11 @@ impl Gate {
     /// Judges a sample and, if it is fresh, remembers it as the newest.
     pub fn judge<S: Sample>(&mut self, sample: &S) -> Verdict {
         let header = sample.header();
-        if let Some(fault) = fault(sample).or((header.run != self.run).then_some(Fault::Run)) {
+        let fault = match fault(sample) {
+            None | Some(Fault::NotFinite) if header.run != self.run => Some(Fault::Run),
+            other => other,
+        };
+        if let Some(fault) = fault {
             return self.refuse(fault);
         }
         match self.newest {

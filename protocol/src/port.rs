@@ -15,12 +15,31 @@ use crate::{
 pub trait Exchange {
     /// Hands a state to the controller.
     fn send(&mut self, state: &StateSample) -> Result<(), BusError>;
-    /// The next torque, waiting for it until `until`.
-    fn receive(&mut self, until: Instant) -> Result<Option<TorqueSample>, BusError>;
+    /// The controller's next answer, waiting for it until `until`.
+    fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError>;
     /// Tells monitors how the run goes.
     fn report(&mut self, status: &StatusSample) -> Result<(), BusError>;
     /// Torque samples that were not acceptable, so far.
     fn rejected(&self) -> u64;
+}
+
+/// A controller's answer to a state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Answer {
+    /// A torque that may act on the arm.
+    Torque(TorqueSample),
+    /// A torque for this sequence number that must not, because it is not finite.
+    NotFinite(u64),
+}
+
+impl Answer {
+    /// Of the state that was answered.
+    pub fn sequence(&self) -> u64 {
+        match self {
+            Self::Torque(torque) => torque.header.sequence,
+            Self::NotFinite(sequence) => *sequence,
+        }
+    }
 }
 
 /// The plant's end: writes states and status, reads torques, offers the scenario.
@@ -61,12 +80,17 @@ impl Exchange for PlantPort {
         self.states.write(state)
     }
 
-    fn receive(&mut self, until: Instant) -> Result<Option<TorqueSample>, BusError> {
+    fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
         while let Some(torque) = bus::receive(&mut *self.torques, self.wait, until)? {
             match self.gate.judge(&torque) {
-                Verdict::Fresh => return Ok(Some(torque)),
+                Verdict::Fresh => return Ok(Some(Answer::Torque(torque))),
                 Verdict::Repeated => {}
-                Verdict::Refused(fault) => self.complaints.once::<TorqueSample>(fault),
+                Verdict::Refused(fault) => {
+                    self.complaints.once::<TorqueSample>(fault);
+                    if fault == Fault::NotFinite {
+                        return Ok(Some(Answer::NotFinite(torque.header.sequence)));
+                    }
+                }
             }
         }
         Ok(None)

@@ -1,1 +1,5 @@
+//! Everything that `mtj` does with the roles: launch them, run them, compare them.
 
+pub mod command;
+pub mod experiment;
+pub mod launcher;

@@ -1,0 +1,24 @@
+//! The monitor as a program of its own.
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use mtj_monitor::options::MonitorOptions;
+use mtj_protocol::bus::BusError;
+
+#[derive(Parser)]
+#[command(name = "mtj-monitor", version, about)]
+struct Program {
+    #[command(flatten)]
+    options: MonitorOptions,
+}
+
+fn main() -> ExitCode {
+    match Program::parse().options.run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("mtj-monitor: {error}");
+            ExitCode::from(if matches!(error, BusError::Settings(_)) { 2 } else { 1 })
+        }
+    }
+}

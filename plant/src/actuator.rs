@@ -1,0 +1,137 @@
+//! The zero-order hold: what torque is in effect, since when, and what task force came with it.
+
+use std::collections::VecDeque;
+
+use mtj_model::scenario::{OnTimeout, Scenario};
+use mtj_protocol::sample::{Axes, Joints, TorqueSample};
+
+use crate::simulator::Drive;
+
+/// Holds the last command and remembers what it has delivered.
+#[derive(Clone, Debug)]
+pub struct Actuator {
+    limit: Joints,
+    on_timeout: OnTimeout,
+    drive: Drive,
+    force: Axes,
+    /// ∫ Q̂ dt up to `integrated_ns`, N s.
+    impulse: Axes,
+    integrated_ns: u64,
+    /// The impulse at the last sampling instants, as many as a memory step has samples and one more.
+    history: VecDeque<(u64, Axes)>,
+    memory_samples: usize,
+    newest: Option<u64>,
+    latency_ns: u64,
+    commands: u64,
+}
+
+impl Actuator {
+    /// At rest: no torque, no task force.
+    pub fn new(scenario: &Scenario) -> Self {
+        let step = scenario.law.memory.step.as_nanos();
+        let memory_samples = (step / scenario.timing.sample_period.as_nanos()).max(1) as usize;
+        let mut limit = [f64::INFINITY; _];
+        for (limit, joint) in limit.iter_mut().zip(&scenario.safety.torque_limit) {
+            *limit = *joint;
+        }
+        Self {
+            limit,
+            on_timeout: scenario.safety.on_timeout,
+            drive: Drive::Torque([0.0; _]),
+            force: [0.0; _],
+            impulse: [0.0; _],
+            integrated_ns: 0,
+            history: VecDeque::with_capacity(memory_samples + 2),
+            memory_samples,
+            newest: None,
+            latency_ns: 0,
+            commands: 0,
+        }
+    }
+
+    /// Puts a command into effect at `time_ns`, unless a newer one is in effect already.
+    ///
+    /// A torque over a joint's limit is scaled down with all others and with the task force: the
+    /// direction at the tip stays, and what is echoed is what was in effect.
+    pub fn apply(&mut self, command: &TorqueSample, time_ns: u64) -> bool {
+        if self.newest.is_some_and(|newest| command.header.sequence <= newest) {
+            return false;
+        }
+        let scale = command
+            .torque
+            .iter()
+            .zip(&self.limit)
+            .map(|(torque, limit)| limit / torque.abs())
+            .fold(1.0, f64::min);
+        self.integrate(time_ns);
+        self.newest = Some(command.header.sequence);
+        self.latency_ns = time_ns.saturating_sub(command.header.time_ns);
+        self.drive = Drive::Torque(command.torque.map(|torque| torque * scale));
+        self.force = command.force.map(|force| force * scale);
+        self.commands += 1;
+        true
+    }
+
+    /// No fresh command has come for too long.
+    pub fn time_out(&mut self, time_ns: u64) {
+        self.integrate(time_ns);
+        self.drive = match self.on_timeout {
+            OnTimeout::Hold => return,
+            OnTimeout::Zero => Drive::Torque([0.0; _]),
+            OnTimeout::Damp(damping) => Drive::Damping { damping, limit: self.limit },
+        };
+        self.force = [0.0; _];
+    }
+
+    /// What acts on the joints.
+    pub fn drive(&self) -> &Drive {
+        &self.drive
+    }
+
+    /// The torque in effect at joint velocities `velocity`, N m.
+    pub fn torque(&self, velocity: &Joints) -> Joints {
+        std::array::from_fn(|joint| self.drive.torque(joint, velocity[joint]))
+    }
+
+    /// The task force in effect, N.
+    pub fn applied(&self) -> Axes {
+        self.force
+    }
+
+    /// The mean task force over the memory step that ends at `time_ns`, a sampling instant, N; what
+    /// was before the run counts as zero.
+    pub fn delivered(&mut self, time_ns: u64, step_ns: u64) -> Axes {
+        self.integrate(time_ns);
+        let start = time_ns.checked_sub(step_ns);
+        while self.history.len() > self.memory_samples
+            || self.history.front().is_some_and(|(at, _)| start.is_some_and(|start| *at < start))
+        {
+            self.history.pop_front();
+        }
+        let before = match self.history.front() {
+            Some((at, impulse)) if Some(*at) == start => *impulse,
+            _ => [0.0; _],
+        };
+        self.history.push_back((time_ns, self.impulse));
+        let seconds = step_ns as f64 * 1e-9;
+        std::array::from_fn(|i| (self.impulse[i] - before[i]) / seconds)
+    }
+
+    /// Sample instant to application of the command in effect, ns; 0 before any.
+    pub fn latency_ns(&self) -> u64 {
+        self.latency_ns
+    }
+
+    /// How many commands have come into effect.
+    pub fn commands(&self) -> u64 {
+        self.commands
+    }
+
+    fn integrate(&mut self, time_ns: u64) {
+        let seconds = time_ns.saturating_sub(self.integrated_ns) as f64 * 1e-9;
+        for (impulse, force) in self.impulse.iter_mut().zip(&self.force) {
+            *impulse += force * seconds;
+        }
+        self.integrated_ns = time_ns;
+    }
+}

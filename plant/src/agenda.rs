@@ -1,0 +1,129 @@
+//! The plant's queue of events, ordered by time.
+
+use std::{cmp::Ordering, collections::BinaryHeap};
+
+use mtj_protocol::sample::{StateSample, TorqueSample};
+
+/// Something that happens at an instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Event {
+    /// A command leaves the torque link and takes effect.
+    Arrive(TorqueSample),
+    /// No fresh command has come since the one with this count.
+    Timeout(u64),
+    /// A state leaves the state link and goes to the controller.
+    Deliver(StateSample),
+    /// The state is measured.
+    Sample,
+}
+
+impl Event {
+    /// What comes first of what happens at the same instant: commands before the samples that are
+    /// to see them, so that a latency of a whole period means the same in either direction.
+    fn rank(&self) -> u8 {
+        match self {
+            Self::Arrive(_) => 0,
+            Self::Timeout(_) => 1,
+            Self::Deliver(_) => 2,
+            Self::Sample => 3,
+        }
+    }
+}
+
+/// Future events; [`Agenda::next`] gives the earliest, then the lowest rank, then the oldest entry.
+#[derive(Debug)]
+pub struct Agenda {
+    heap: BinaryHeap<Entry>,
+    entries: u64,
+}
+
+#[derive(Debug)]
+struct Entry {
+    time_ns: u64,
+    rank: u8,
+    number: u64,
+    event: Event,
+}
+
+impl Agenda {
+    /// An empty agenda with room for all that can be under way at once.
+    pub fn new() -> Self {
+        Self { heap: BinaryHeap::with_capacity(1024), entries: 0 }
+    }
+
+    /// Notes an event at `time_ns`, ns since the run began.
+    pub fn push(&mut self, time_ns: u64, event: Event) {
+        let entry = Entry { time_ns, rank: event.rank(), number: self.entries, event };
+        self.entries += 1;
+        self.heap.push(entry);
+    }
+
+    /// When the next event is.
+    pub fn next_time(&self) -> Option<u64> {
+        self.heap.peek().map(|entry| entry.time_ns)
+    }
+
+    /// Takes the next event.
+    pub fn pop(&mut self) -> Option<(u64, Event)> {
+        self.heap.pop().map(|entry| (entry.time_ns, entry.event))
+    }
+}
+
+impl Default for Agenda {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Entry {
+    fn key(&self) -> (u64, u8, u64) {
+        (self.time_ns, self.rank, self.number)
+    }
+}
+
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        self.key() == other.key()
+    }
+}
+
+impl Eq for Entry {}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Entry {
+    /// Reversed: the heap gives its greatest entry first.
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.key().cmp(&self.key())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn events_come_by_time_then_rank_then_age() {
+        let mut agenda = Agenda::new();
+        agenda.push(5, Event::Sample);
+        agenda.push(5, Event::Timeout(1));
+        agenda.push(5, Event::Timeout(2));
+        agenda.push(5, Event::Arrive(TorqueSample::default()));
+        agenda.push(3, Event::Sample);
+        let order: Vec<_> = std::iter::from_fn(|| agenda.pop()).collect();
+        assert_eq!(
+            order,
+            [
+                (3, Event::Sample),
+                (5, Event::Arrive(TorqueSample::default())),
+                (5, Event::Timeout(1)),
+                (5, Event::Timeout(2)),
+                (5, Event::Sample),
+            ]
+        );
+    }
+}

@@ -1,0 +1,58 @@
+//! An exchange without a bus: the controller is a function.
+
+use std::time::Instant;
+
+use mtj_protocol::{
+    bus::BusError,
+    gate::{Fault, Gate, Verdict},
+    port::{Answer, Exchange},
+    sample::{StateSample, StatusSample, TorqueSample},
+};
+
+/// Calls a function for each state and hands its result back as the answer, through the same gate
+/// as any other torque.
+pub struct Direct<F> {
+    respond: F,
+    gate: Gate,
+    answer: Option<Answer>,
+}
+
+impl<E, F> Direct<F>
+where
+    E: std::fmt::Display,
+    F: FnMut(&StateSample) -> Result<TorqueSample, E>,
+{
+    /// An exchange with `respond` for one `run`.
+    pub fn new(run: u64, respond: F) -> Self {
+        Self { respond, gate: Gate::new(run), answer: None }
+    }
+}
+
+impl<E, F> Exchange for Direct<F>
+where
+    E: std::fmt::Display,
+    F: FnMut(&StateSample) -> Result<TorqueSample, E>,
+{
+    fn send(&mut self, state: &StateSample) -> Result<(), BusError> {
+        let torque =
+            (self.respond)(state).map_err(|error| BusError::Controller(error.to_string()))?;
+        self.answer = match self.gate.judge(&torque) {
+            Verdict::Fresh => Some(Answer::Torque(torque)),
+            Verdict::Refused(Fault::NotFinite) => Some(Answer::NotFinite(torque.header.sequence)),
+            Verdict::Repeated | Verdict::Refused(_) => None,
+        };
+        Ok(())
+    }
+
+    fn receive(&mut self, _until: Instant) -> Result<Option<Answer>, BusError> {
+        Ok(self.answer.take())
+    }
+
+    fn report(&mut self, _status: &StatusSample) -> Result<(), BusError> {
+        Ok(())
+    }
+
+    fn rejected(&self) -> u64 {
+        self.gate.refused()
+    }
+}

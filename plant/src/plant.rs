@@ -1,0 +1,436 @@
+//! The loop of the plant: one queue of events, and a clock that says what waiting means.
+
+use std::{
+    collections::VecDeque,
+    time::{Duration, Instant},
+};
+
+use mtj_model::{
+    MAX_AXES, PLANE,
+    scenario::{ClockKind, Scenario},
+};
+use mtj_protocol::{
+    bus::BusError,
+    port::{Answer, Exchange},
+    sample::{Header, StateSample, StatusSample, TorqueSample, VERSION, padded},
+};
+
+use crate::{
+    actuator::Actuator,
+    agenda::{Agenda, Event},
+    clock::Clock,
+    link::Link,
+    report::{Commands, Measures, Report},
+    sensor::Sensor,
+    simulator::{Simulator, simulator},
+    trace::Row,
+};
+
+/// How often to repeat the first state until a controller answers it.
+const RENDEZVOUS: Duration = Duration::from_millis(20);
+/// How often to repeat a later state in lockstep, in case the controller was replaced.
+const REPEAT: Duration = Duration::from_millis(200);
+/// How often to look whether to go on.
+const PATIENCE: Duration = Duration::from_millis(100);
+/// How often monitors are told the truth, in the run's time, ns.
+const STATUS_PERIOD_NS: u64 = 20_000_000;
+/// How many unanswered states are remembered; older ones count as lost.
+const OUTSTANDING: usize = 4096;
+
+/// A run's outcome.
+pub struct Outcome {
+    /// Its measures.
+    pub report: Report,
+    /// Every sampling instant, if asked for.
+    pub trace: Vec<Row>,
+    /// Whether the run was stopped before its end.
+    pub interrupted: bool,
+}
+
+/// How a run is watched.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Watch {
+    /// Keep a [`Row`] for each sampling instant.
+    pub trace: bool,
+    /// Read clocks to measure round trips: only where the exchange crosses a bus.
+    pub round_trips: bool,
+}
+
+/// Runs a scenario against the controller at the other end of `exchange`, which must know it under
+/// the same `run` id. Waits for it as long as `proceed` says so.
+pub fn run(
+    scenario: &Scenario,
+    run: u64,
+    exchange: &mut dyn Exchange,
+    watch: Watch,
+    proceed: &dyn Fn() -> bool,
+) -> Result<Outcome, BusError> {
+    let mut plant = Plant::new(scenario, run, exchange, watch, proceed);
+    plant.run()?;
+    Ok(plant.outcome())
+}
+
+struct Plant<'a> {
+    scenario: &'a Scenario,
+    exchange: &'a mut dyn Exchange,
+    watch: Watch,
+    proceed: &'a dyn Fn() -> bool,
+    header: Header,
+    simulator: Box<dyn Simulator>,
+    agenda: Agenda,
+    sensor: Sensor,
+    state_link: Link,
+    torque_link: Link,
+    actuator: Actuator,
+    stopwatch: Clock,
+    clock: Clock,
+    unanswered: VecDeque<(u64, u64)>,
+    commands: Commands,
+    deadline_misses: u64,
+    timeouts: u64,
+    round_trip_ns: u64,
+    residence_ns: u64,
+    next_status_ns: u64,
+    measures: Measures,
+    trace: Vec<Row>,
+    diverged: bool,
+    stopped: bool,
+}
+
+impl<'a> Plant<'a> {
+    fn new(
+        scenario: &'a Scenario,
+        run: u64,
+        exchange: &'a mut dyn Exchange,
+        watch: Watch,
+        proceed: &'a dyn Fn() -> bool,
+    ) -> Self {
+        let header = Header {
+            version: VERSION,
+            joints: scenario.arm.links.len() as u32,
+            axes: PLANE as u32,
+            run,
+            ..Header::default()
+        };
+        let samples = scenario.duration.as_nanos().div_ceil(scenario.timing.sample_period.as_nanos());
+        Self {
+            scenario,
+            exchange,
+            watch,
+            proceed,
+            header,
+            simulator: simulator(scenario),
+            agenda: Agenda::new(),
+            sensor: Sensor::new(scenario.noise, scenario.seed),
+            state_link: Link::new(&scenario.link.state),
+            torque_link: Link::new(&scenario.link.torque),
+            actuator: Actuator::new(scenario),
+            stopwatch: Clock::start(),
+            clock: Clock::start(),
+            unanswered: VecDeque::with_capacity(OUTSTANDING + 1),
+            commands: Commands::default(),
+            deadline_misses: 0,
+            timeouts: 0,
+            round_trip_ns: 0,
+            residence_ns: 0,
+            next_status_ns: 0,
+            measures: Measures::new(scenario),
+            trace: Vec::with_capacity(if watch.trace { samples as usize } else { 0 }),
+            diverged: false,
+            stopped: false,
+        }
+    }
+
+    fn is_realtime(&self) -> bool {
+        self.scenario.timing.clock == ClockKind::Realtime
+    }
+
+    /// Pops events in order of time until the run's duration is over.
+    fn run(&mut self) -> Result<(), BusError> {
+        let end_ns = nanoseconds(self.scenario.duration);
+        self.meet_controller()?;
+        while !self.stopped && !self.diverged {
+            let next = self.agenda.next_time().filter(|time| *time < end_ns).unwrap_or(end_ns);
+            if self.is_realtime() && self.listen_until(next)? {
+                continue; // Something came that may be due earlier.
+            }
+            self.simulator.advance(next, self.actuator.drive());
+            self.diverged = self.simulator.has_diverged();
+            if next == end_ns {
+                break;
+            }
+            if let Some((time_ns, event)) = self.agenda.pop() {
+                self.handle(time_ns, event)?;
+            }
+        }
+        self.settle();
+        self.report_status(2)
+    }
+
+    fn handle(&mut self, time_ns: u64, event: Event) -> Result<(), BusError> {
+        match event {
+            Event::Sample => {
+                self.take_sample(time_ns);
+                if time_ns >= self.next_status_ns {
+                    self.next_status_ns = time_ns + STATUS_PERIOD_NS;
+                    self.report_status(1)?;
+                }
+            }
+            Event::Deliver(state) => self.deliver(time_ns, state)?,
+            Event::Arrive(command) => self.apply(time_ns, &command),
+            Event::Timeout(commands) => {
+                if commands == self.actuator.commands() {
+                    self.timeouts += 1;
+                    self.actuator.time_out(time_ns);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes the first sample and repeats it until a controller answers; then the clock starts, with
+    /// that answer in hand.
+    fn meet_controller(&mut self) -> Result<(), BusError> {
+        self.header.sequence = 0;
+        let state = self.measure(0);
+        self.agenda.push(nanoseconds(self.scenario.timing.sample_period), Event::Sample);
+        if let Some(timeout) = self.scenario.safety.command_timeout {
+            self.agenda.push(nanoseconds(timeout), Event::Timeout(0));
+        }
+        let (Some(there), back) = (self.state_link.transit(), self.torque_link.transit()) else {
+            return Ok(());
+        };
+        self.commands.sent += 1;
+        let started = Instant::now();
+        let mut complained = false;
+        let answer = loop {
+            if let Some(answer) = self.ask(&state, RENDEZVOUS)? {
+                break answer;
+            }
+            if !(self.proceed)() {
+                self.stopped = true;
+                return Ok(());
+            }
+            self.report_status(0)?;
+            if !complained && started.elapsed() > Duration::from_secs(2) {
+                complained = true;
+                eprintln!(
+                    "mtj plant: waiting for a controller in session '{}' on {}",
+                    self.scenario.bus.session,
+                    self.scenario.bus.kind.name()
+                );
+            }
+        };
+        self.clock = Clock::start();
+        let Answer::Torque(answer) = answer else { return Ok(()) };
+        self.note_round_trip(&answer);
+        if let Some(back) = back {
+            self.agenda.push(nanoseconds(there + back), Event::Arrive(answer));
+        }
+        Ok(())
+    }
+
+    /// Measures the state, and sends it on its way.
+    fn take_sample(&mut self, time_ns: u64) {
+        let period = nanoseconds(self.scenario.timing.sample_period);
+        if self.is_realtime() && self.clock.now_ns() > time_ns + period {
+            self.deadline_misses += 1;
+        }
+        self.header.sequence += 1;
+        let state = self.measure(time_ns);
+        self.agenda.push(time_ns + period, Event::Sample);
+        if let Some(transit) = self.state_link.transit() {
+            self.agenda.push(time_ns + nanoseconds(transit), Event::Deliver(state));
+        }
+    }
+
+    fn measure(&mut self, time_ns: u64) -> StateSample {
+        self.header.time_ns = time_ns;
+        let (tip, _) = self.simulator.tip();
+        let time = time_ns as f64 * 1e-9;
+        let desired = self.scenario.trajectory.at(time).position;
+        self.measures.sample(time_ns, (desired - tip).norm_squared());
+        let (true_position, true_velocity) = (self.simulator.position(), self.simulator.velocity());
+        if self.watch.trace {
+            self.trace.push(Row {
+                time,
+                position: true_position,
+                velocity: true_velocity,
+                tip: tip.into(),
+                desired: desired.into(),
+                torque: self.actuator.torque(&true_velocity),
+                force: padded::<MAX_AXES>(&self.actuator.applied()),
+            });
+        }
+        let (position, velocity) = self.sensor.measure(true_position, true_velocity);
+        StateSample {
+            header: self.header,
+            sent_ns: 0,
+            latency_ns: self.actuator.latency_ns(),
+            round_trip_ns: self.round_trip_ns,
+            residence_ns: self.residence_ns,
+            position,
+            velocity,
+            applied: self.actuator.applied(),
+            delivered: self
+                .actuator
+                .delivered(time_ns, nanoseconds(self.scenario.law.memory.step)),
+        }
+    }
+
+    /// Hands a state to the controller; in lockstep also waits for the answer.
+    fn deliver(&mut self, time_ns: u64, state: StateSample) -> Result<(), BusError> {
+        self.commands.sent += 1;
+        if self.is_realtime() {
+            self.remember_unanswered(state.header.sequence);
+            let sent_ns = self.stopwatch.now_ns();
+            return self.exchange.send(&StateSample { sent_ns, ..state });
+        }
+        loop {
+            if let Some(answer) = self.ask(&state, REPEAT)? {
+                if let Answer::Torque(answer) = answer {
+                    self.note_round_trip(&answer);
+                    self.schedule(time_ns, answer);
+                }
+                return Ok(());
+            }
+            if !(self.proceed)() {
+                self.stopped = true;
+                return Ok(());
+            }
+        }
+    }
+
+    /// Sends a state and waits for the answer to it.
+    fn ask(
+        &mut self,
+        state: &StateSample,
+        patience: Duration,
+    ) -> Result<Option<Answer>, BusError> {
+        if !self.watch.round_trips {
+            self.exchange.send(state)?;
+            return self.exchange.receive(self.clock.instant(0));
+        }
+        self.exchange.send(&StateSample { sent_ns: self.stopwatch.now_ns(), ..*state })?;
+        let until = Instant::now() + patience;
+        while let Some(answer) = self.exchange.receive(until)? {
+            if answer.sequence() == state.header.sequence {
+                return Ok(Some(answer));
+            }
+        }
+        Ok(None)
+    }
+
+    /// In real time, lets `time_ns` come while torques are received; true if one was.
+    fn listen_until(&mut self, time_ns: u64) -> Result<bool, BusError> {
+        let until = self.clock.instant(time_ns);
+        loop {
+            let patience = until.min(Instant::now() + PATIENCE);
+            if let Some(Answer::Torque(answer)) = self.exchange.receive(patience)? {
+                self.note_answer(&answer);
+                self.schedule(self.clock.now_ns(), answer);
+                return Ok(true);
+            }
+            if !(self.proceed)() {
+                self.stopped = true;
+                return Ok(true);
+            }
+            if Instant::now() >= until {
+                return Ok(false);
+            }
+        }
+    }
+
+    /// Puts an answer that came at `time_ns` on the torque link.
+    fn schedule(&mut self, time_ns: u64, answer: TorqueSample) {
+        if let Some(transit) = self.torque_link.transit() {
+            self.agenda.push(time_ns + nanoseconds(transit), Event::Arrive(answer));
+        }
+    }
+
+    fn apply(&mut self, time_ns: u64, command: &TorqueSample) {
+        if !self.actuator.apply(command, time_ns) {
+            return; // A newer one is in effect already.
+        }
+        self.commands.applied += 1;
+        self.measures.command(&self.actuator.torque(&self.simulator.velocity()));
+        if let Some(timeout) = self.scenario.safety.command_timeout {
+            let event = Event::Timeout(self.actuator.commands());
+            self.agenda.push(time_ns + nanoseconds(timeout), event);
+        }
+    }
+
+    fn note_round_trip(&mut self, answer: &TorqueSample) {
+        if self.watch.round_trips {
+            self.round_trip_ns = self.stopwatch.now_ns().saturating_sub(answer.state_sent_ns);
+            self.residence_ns = answer.residence_ns;
+            self.measures.round_trip.record(self.round_trip_ns);
+            self.measures.residence.record(self.residence_ns);
+        }
+    }
+
+    /// In real time: books an answer against the states that asked for one.
+    fn note_answer(&mut self, answer: &TorqueSample) {
+        self.note_round_trip(answer);
+        if self.round_trip_ns > nanoseconds(self.scenario.timing.sample_period) {
+            self.commands.late += 1;
+        }
+        while let Some((sequence, _)) = self.unanswered.front().copied()
+            && sequence <= answer.header.sequence
+        {
+            self.unanswered.pop_front();
+            self.commands.lost += u64::from(sequence < answer.header.sequence);
+        }
+    }
+
+    fn remember_unanswered(&mut self, sequence: u64) {
+        if self.unanswered.len() == OUTSTANDING {
+            self.unanswered.pop_front();
+            self.commands.lost += 1;
+        }
+        self.unanswered.push_back((sequence, self.stopwatch.now_ns()));
+    }
+
+    /// At the end: what was asked for more than a sample period ago and has not come, will not come.
+    fn settle(&mut self) {
+        let period = nanoseconds(self.scenario.timing.sample_period);
+        let now = self.stopwatch.now_ns();
+        let lost = self.unanswered.iter().filter(|(_, sent_ns)| now > sent_ns + period).count();
+        self.commands.lost += lost as u64;
+        self.commands.rejected = self.exchange.rejected();
+    }
+
+    fn report_status(&mut self, phase: u64) -> Result<(), BusError> {
+        let velocity = self.simulator.velocity();
+        self.exchange.report(&StatusSample {
+            header: self.header,
+            phase,
+            sent: self.commands.sent,
+            applied: self.commands.applied,
+            lost: self.commands.lost,
+            late: self.commands.late,
+            rejected: self.exchange.rejected(),
+            deadline_misses: self.deadline_misses,
+            timeouts: self.timeouts,
+            position: self.simulator.position(),
+            velocity,
+            torque: self.actuator.torque(&velocity),
+        })
+    }
+
+    fn outcome(self) -> Outcome {
+        let report = self.measures.report(
+            self.scenario,
+            self.simulator.time_ns(),
+            self.simulator.energy(),
+            self.diverged,
+            self.commands,
+            self.is_realtime().then_some(self.deadline_misses),
+        );
+        Outcome { report, trace: self.trace, interrupted: self.stopped }
+    }
+}
+
+fn nanoseconds(duration: Duration) -> u64 {
+    duration.as_nanos() as u64
+}

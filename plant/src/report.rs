@@ -1,0 +1,208 @@
+//! The measures of a run.
+
+use hdrhistogram::Histogram;
+use mtj_model::{MAX_JOINTS, scenario::Scenario};
+use mtj_protocol::sample::Joints;
+use serde::{Deserialize, Serialize};
+
+/// What `mtj run --json` prints: one object; what does not apply is null.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Transport.
+    pub bus: String,
+    /// lockstep or realtime.
+    pub clock: String,
+    /// tj, mtj or mb.
+    pub law: String,
+    /// Simulated time, s.
+    pub duration_s: f64,
+    /// Sampling instants.
+    pub samples: u64,
+    /// √mean‖e‖² of the true error over the sampling instants in the second half, m.
+    pub rms_error_m: Option<f64>,
+    /// max ‖e‖ over the same instants, m.
+    pub peak_error_m: Option<f64>,
+    /// ∫ Σ|τᵢ q̇ᵢ| dt over the whole run, J.
+    pub energy_j: Option<f64>,
+    /// max |τᵢ| over the whole run for each joint, N m.
+    pub peak_torque_nm: Vec<f64>,
+    /// rms over the commands of ‖τ_k − τ_{k−1}‖, N m.
+    pub torque_step_rms_nm: Option<f64>,
+    /// Whether the arm ran away; the run ended there.
+    pub diverged: bool,
+    /// What became of the commands.
+    pub commands: Commands,
+    /// Sampling instants reached only after the next was due; null in lockstep.
+    pub deadline_misses: Option<u64>,
+    /// State sent to torque received, by the plant's clock; null where no bus is crossed.
+    pub round_trip_us: Option<Percentiles>,
+    /// The part spent inside the controller, by the controller's clock.
+    pub residence_us: Option<Percentiles>,
+}
+
+/// What became of the commands that the plant asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Commands {
+    /// States handed to the controller, each asking for a command.
+    pub sent: u64,
+    /// Commands that came into effect.
+    pub applied: u64,
+    /// Commands that never came.
+    pub lost: u64,
+    /// Commands that came more than a sample period after their state was sent.
+    pub late: u64,
+    /// Torque samples that were not acceptable.
+    pub rejected: u64,
+}
+
+/// Percentiles of a duration, µs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Percentiles {
+    /// Median.
+    pub p50: f64,
+    /// 90 %.
+    pub p90: f64,
+    /// 99 %.
+    pub p99: f64,
+    /// 99.9 %.
+    pub p999: f64,
+    /// The longest.
+    pub max: f64,
+}
+
+/// Durations, counted in buckets of 0.1 % from 1 ns to a minute. Recording allocates nothing.
+pub struct Durations(Histogram<u64>);
+
+const LONGEST_NS: u64 = 60_000_000_000;
+
+impl Default for Durations {
+    #[expect(clippy::expect_used, reason = "constant bounds, checked by every test that runs a loop")]
+    fn default() -> Self {
+        Self(Histogram::new_with_bounds(1, LONGEST_NS, 3).expect("valid bounds"))
+    }
+}
+
+impl Durations {
+    /// Counts one duration, ns.
+    pub fn record(&mut self, ns: u64) {
+        self.0.saturating_record(ns.clamp(1, LONGEST_NS));
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.0.reset();
+    }
+
+    /// The percentiles; `None` if nothing was recorded.
+    pub fn percentiles(&self) -> Option<Percentiles> {
+        let at = |q| self.0.value_at_quantile(q) as f64 / 1e3;
+        (!self.0.is_empty()).then(|| Percentiles {
+            p50: at(0.5),
+            p90: at(0.9),
+            p99: at(0.99),
+            p999: at(0.999),
+            max: self.0.max() as f64 / 1e3,
+        })
+    }
+}
+
+/// Running sums from which a [`Report`] is made.
+pub struct Measures {
+    half_ns: u64,
+    samples: u64,
+    squared_error: f64,
+    peak_error: f64,
+    counted: u64,
+    peak_torque: Joints,
+    previous: Option<Joints>,
+    squared_step: f64,
+    steps: u64,
+    /// Round trips of the run.
+    pub round_trip: Durations,
+    /// Residence times of the run.
+    pub residence: Durations,
+}
+
+impl Measures {
+    /// Nothing measured yet.
+    pub fn new(scenario: &Scenario) -> Self {
+        Self {
+            half_ns: (scenario.duration.as_nanos() / 2) as u64,
+            samples: 0,
+            squared_error: 0.0,
+            peak_error: 0.0,
+            counted: 0,
+            peak_torque: [0.0; MAX_JOINTS],
+            previous: None,
+            squared_step: 0.0,
+            steps: 0,
+            round_trip: Durations::default(),
+            residence: Durations::default(),
+        }
+    }
+
+    /// Takes in the true tracking error at a sampling instant.
+    pub fn sample(&mut self, time_ns: u64, squared_error: f64) {
+        self.samples += 1;
+        if time_ns >= self.half_ns {
+            self.counted += 1;
+            self.squared_error += squared_error;
+            self.peak_error = self.peak_error.max(squared_error.sqrt());
+        }
+    }
+
+    /// Takes in a torque that came into effect.
+    pub fn command(&mut self, torque: &Joints) {
+        for (peak, torque) in self.peak_torque.iter_mut().zip(torque) {
+            *peak = peak.max(torque.abs());
+        }
+        if let Some(previous) = self.previous {
+            self.steps += 1;
+            self.squared_step +=
+                torque.iter().zip(&previous).map(|(now, then)| (now - then) * (now - then)).sum::<f64>();
+        }
+        self.previous = Some(*torque);
+    }
+
+    /// Sampling instants so far.
+    pub fn samples(&self) -> u64 {
+        self.samples
+    }
+
+    /// The measures of a run that ended at `time_ns`.
+    pub fn report(
+        &self,
+        scenario: &Scenario,
+        time_ns: u64,
+        energy: f64,
+        diverged: bool,
+        commands: Commands,
+        deadline_misses: Option<u64>,
+    ) -> Report {
+        let finite = |x: f64| x.is_finite().then_some(x);
+        let over_half = |x: f64| (self.counted > 0).then_some(x).and_then(finite);
+        let joints = scenario.arm.links.len();
+        Report {
+            scenario: scenario.name.clone(),
+            bus: scenario.bus.kind.name().to_owned(),
+            clock: scenario.timing.clock.name().to_owned(),
+            law: scenario.law.kind.name().to_owned(),
+            duration_s: time_ns as f64 * 1e-9,
+            samples: self.samples,
+            rms_error_m: over_half((self.squared_error / self.counted.max(1) as f64).sqrt()),
+            peak_error_m: over_half(self.peak_error),
+            energy_j: finite(energy),
+            peak_torque_nm: self.peak_torque[..joints].to_vec(),
+            torque_step_rms_nm: (self.steps > 0)
+                .then(|| (self.squared_step / self.steps as f64).sqrt())
+                .and_then(finite),
+            diverged,
+            commands,
+            deadline_misses,
+            round_trip_us: self.round_trip.percentiles(),
+            residence_us: self.residence.percentiles(),
+        }
+    }
+}

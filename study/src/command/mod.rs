@@ -1,0 +1,76 @@
+//! The subcommands of `mtj`, one file each.
+
+pub mod run;
+pub mod scenario;
+pub mod up;
+
+use std::{fmt, io};
+
+use mtj_controller::serve::ServeError;
+use mtj_model::scenario::ScenarioError;
+use mtj_plant::options::PlantError;
+use mtj_protocol::bus::BusError;
+
+use crate::launcher::LaunchError;
+
+/// Why a command failed, with the exit status it deserves.
+#[derive(Debug)]
+pub struct Failure {
+    /// One clear sentence.
+    pub sentence: String,
+    /// 2 for bad input, 1 for anything else.
+    pub code: u8,
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.sentence)
+    }
+}
+
+impl Failure {
+    fn new(error: impl fmt::Display, is_bad_input: bool) -> Self {
+        Self { sentence: error.to_string(), code: if is_bad_input { 2 } else { 1 } }
+    }
+}
+
+impl From<ScenarioError> for Failure {
+    fn from(error: ScenarioError) -> Self {
+        Self::new(error, true)
+    }
+}
+
+impl From<BusError> for Failure {
+    fn from(error: BusError) -> Self {
+        let is_bad_input = matches!(error, BusError::Settings(_));
+        Self::new(error, is_bad_input)
+    }
+}
+
+impl From<PlantError> for Failure {
+    fn from(error: PlantError) -> Self {
+        let is_bad_input = error.is_bad_input();
+        Self::new(error, is_bad_input)
+    }
+}
+
+impl From<ServeError> for Failure {
+    fn from(error: ServeError) -> Self {
+        match error {
+            ServeError::Bus(error) => error.into(),
+            ServeError::Law(error) => Self::new(error, false),
+        }
+    }
+}
+
+impl From<LaunchError> for Failure {
+    fn from(error: LaunchError) -> Self {
+        Self { code: error.code(), sentence: error.to_string() }
+    }
+}
+
+impl From<io::Error> for Failure {
+    fn from(error: io::Error) -> Self {
+        Self::new(error, false)
+    }
+}

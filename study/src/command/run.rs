@@ -1,0 +1,49 @@
+//! `mtj run`: one run without a screen.
+
+use clap::Args;
+use mtj_model::scenario::{BusKind, Scenario};
+use mtj_plant::{
+    options::{OutputOptions, ScenarioOptions},
+    report::Report,
+};
+use mtj_protocol::shutdown::Shutdown;
+
+use super::Failure;
+use crate::{experiment, launcher::Launch};
+
+/// One run without a screen; prints its measures
+#[derive(Args, Debug)]
+pub struct Run {
+    #[command(flatten)]
+    scenario: ScenarioOptions,
+    #[command(flatten)]
+    output: OutputOptions,
+}
+
+impl Run {
+    /// Runs in this process on the local bus, in processes of their own on any other.
+    pub fn run(self) -> Result<(), Failure> {
+        let scenario = self.scenario.load()?;
+        // Also tells at once whether the path can be written.
+        let trace = self.output.create_trace()?;
+        if scenario.bus.kind == BusKind::Local {
+            let shutdown = Shutdown::on_signals();
+            let proceed = move || shutdown.proceed();
+            let outcome = experiment::run(&scenario, trace.is_some(), &proceed)?;
+            self.output.finish(&scenario, &outcome, trace)?;
+        } else {
+            let launch =
+                Launch { options: self.scenario, trace: self.output.trace.clone(), monitor: false };
+            self.output.print(&launch_roles(launch, &scenario)?)?;
+        }
+        Ok(())
+    }
+}
+
+/// Runs the roles as processes on a runtime of their own.
+pub fn launch_roles(launch: Launch, scenario: &Scenario) -> Result<Report, Failure> {
+    Shutdown::on_signals(); // The roles stop by themselves; this process waits for them.
+    let launch = launch.separate(scenario)?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    Ok(runtime.block_on(launch.run(scenario))?)
+}

@@ -1,0 +1,61 @@
+//! `mtj scenario`: the built-in experiments, and checking one's own.
+
+use std::io::{self, Write};
+
+use clap::{Args, Subcommand};
+use mtj_model::scenario::BUILT_IN;
+use mtj_plant::options::ScenarioOptions;
+
+use super::Failure;
+
+/// List, show or check scenarios
+#[derive(Args, Debug)]
+pub struct ScenarioCommand {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// Print the names of the built-in scenarios
+    List,
+    /// Print a scenario as TOML, with everything set that was asked for
+    Show(Named),
+    /// Say whether a scenario is acceptable
+    Check(Named),
+}
+
+#[derive(Args, Debug)]
+struct Named {
+    /// Built-in name or TOML file
+    name: Option<String>,
+    #[command(flatten)]
+    options: ScenarioOptions,
+}
+
+impl Named {
+    fn load(mut self) -> Result<mtj_model::scenario::Scenario, Failure> {
+        if let Some(name) = self.name {
+            self.options.scenario = name;
+        }
+        Ok(self.options.load()?)
+    }
+}
+
+impl ScenarioCommand {
+    /// Prints to standard output.
+    pub fn run(self) -> Result<(), Failure> {
+        let mut out = io::stdout().lock();
+        match self.action {
+            Action::List => {
+                for (name, text) in BUILT_IN {
+                    let first = text.lines().next().unwrap_or_default();
+                    writeln!(out, "{name:<25} {}", first.trim_start_matches("# "))?;
+                }
+            }
+            Action::Show(named) => write!(out, "{}", named.load()?.text())?,
+            Action::Check(named) => writeln!(out, "{}: acceptable", named.load()?.name)?,
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,48 @@
+//! `mtj up`: the loop in three processes, in real time, with a live view.
+
+use clap::Args;
+use mtj_model::scenario::BusKind;
+use mtj_plant::options::ScenarioOptions;
+
+use super::{Failure, run::launch_roles};
+use crate::launcher::Launch;
+
+/// Start plant, controller and monitor in real time, with a live view; Ctrl-C ends all three
+#[derive(Args, Debug)]
+pub struct Up {
+    #[command(flatten)]
+    scenario: ScenarioOptions,
+}
+
+/// How long the demonstration goes on unless the user sets a duration.
+const UNTIL_STOPPED: &str = "duration=365 d";
+
+impl Up {
+    /// Runs until Ctrl-C, or for the duration that was set.
+    pub fn run(mut self) -> Result<(), Failure> {
+        let set = &mut self.scenario.set;
+        let sets = |set: &[String], key: &str| set.iter().any(|text| text.trim_start().starts_with(key));
+        if !sets(set, "duration") {
+            set.push(UNTIL_STOPPED.to_owned());
+        }
+        if !sets(set, "timing.clock") {
+            set.push("timing.clock=realtime".to_owned());
+        }
+        let mut scenario = self.scenario.load()?;
+        if scenario.bus.kind == BusKind::Local {
+            // Three processes need a bus between them.
+            self.scenario.bus.bus = Some(BusKind::Iceoryx2.name().to_owned());
+            scenario = self.scenario.load()?;
+        }
+        eprintln!(
+            "mtj up: {} under {} over {}, T_s = {:?}; Ctrl-C ends it",
+            scenario.name,
+            scenario.law.kind.name(),
+            scenario.bus.kind.name(),
+            scenario.timing.sample_period
+        );
+        let launch = Launch { options: self.scenario, trace: None, monitor: true };
+        print!("{}", launch_roles(launch, &scenario)?);
+        Ok(())
+    }
+}

@@ -1,0 +1,63 @@
+//! One run within this process.
+
+use std::thread;
+
+use mtj_controller::{Controller, serve};
+use mtj_model::scenario::{ClockKind, Scenario};
+use mtj_plant::{
+    direct::Direct,
+    plant::{self, Outcome, Watch},
+};
+use mtj_protocol::{bus::BusError, local::LocalBus, port::PlantPort};
+
+/// Runs a scenario with plant and controller in this process: by plain calls in lockstep, over the
+/// local bus with a thread for the controller in real time.
+pub fn run(
+    scenario: &Scenario,
+    trace: bool,
+    proceed: &(dyn Fn() -> bool + Sync),
+) -> Result<Outcome, BusError> {
+    match scenario.timing.clock {
+        ClockKind::Lockstep => run_direct(scenario, trace, proceed),
+        ClockKind::Realtime => run_in_threads(scenario, trace, proceed),
+    }
+}
+
+/// Runs a scenario in lockstep, the controller a function call away.
+pub fn run_direct(
+    scenario: &Scenario,
+    trace: bool,
+    proceed: &dyn Fn() -> bool,
+) -> Result<Outcome, BusError> {
+    let mut controller = Controller::new(scenario);
+    let mut exchange = Direct::new(0, |state: &_| controller.respond(state));
+    plant::run(scenario, 0, &mut exchange, Watch { trace, round_trips: false }, proceed)
+}
+
+/// Runs a scenario over the local bus, with plant and controller in threads of their own.
+pub fn run_in_threads(
+    scenario: &Scenario,
+    trace: bool,
+    proceed: &(dyn Fn() -> bool + Sync),
+) -> Result<Outcome, BusError> {
+    let bus = LocalBus::default();
+    let run = 1;
+    thread::scope(|scope| {
+        let (done, wait_for_done) = std::sync::mpsc::channel::<()>();
+        let plant_bus = bus.clone();
+        let plant = scope.spawn(move || {
+            let _done = done; // Dropped with the thread, whatever happens in it.
+            let mut port = PlantPort::open(&plant_bus, scenario, run)?;
+            plant::run(scenario, run, &mut port, Watch { trace, round_trips: true }, proceed)
+        });
+        let running = || {
+            proceed()
+                && matches!(wait_for_done.try_recv(), Err(std::sync::mpsc::TryRecvError::Empty))
+        };
+        let served = serve::serve(&bus, None, &running);
+        let outcome = plant
+            .join()
+            .unwrap_or_else(|_| Err(BusError::Transport("the plant's thread panicked".to_owned())));
+        served.map_err(|error| BusError::Controller(error.to_string())).and(outcome)
+    })
+}

@@ -1,0 +1,179 @@
+//! Starts roles as processes of their own from this program's executable, and ends them.
+
+use std::{
+    env, fmt, io,
+    net::TcpListener,
+    process::{ExitStatus, Stdio},
+    time::Duration,
+};
+
+use mtj_model::scenario::{BusKind, Scenario};
+use mtj_plant::{options::ScenarioOptions, report::Report};
+use tokio::{
+    io::AsyncReadExt,
+    process::{Child, Command},
+    time::timeout,
+};
+
+/// How long a role may take to end after it was asked to.
+const GRACE: Duration = Duration::from_secs(3);
+
+/// Why a launch did not end well.
+#[derive(Debug)]
+pub enum LaunchError {
+    /// A process could not be started or waited for.
+    Io(io::Error),
+    /// A role ended on its own; it has said why on standard error.
+    Role(&'static str, ExitStatus),
+    /// The plant ended without a report.
+    NoReport,
+}
+
+impl LaunchError {
+    /// The exit status to pass on.
+    pub fn code(&self) -> u8 {
+        match self {
+            Self::Role(_, status) => status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1),
+            _ => 1,
+        }
+    }
+}
+
+impl fmt::Display for LaunchError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Io(error) => write!(f, "a role could not be started: {error}"),
+            Self::Role(role, status) => write!(f, "the {role} ended early ({status})"),
+            Self::NoReport => write!(f, "the plant ended without a report"),
+        }
+    }
+}
+
+impl std::error::Error for LaunchError {}
+
+impl From<io::Error> for LaunchError {
+    fn from(error: io::Error) -> Self {
+        Self::Io(error)
+    }
+}
+
+/// What to start.
+pub struct Launch {
+    /// The experiment, with the bus it runs on.
+    pub options: ScenarioOptions,
+    /// Where the plant writes its trace.
+    pub trace: Option<std::path::PathBuf>,
+    /// Whether a monitor shows the run on standard output.
+    pub monitor: bool,
+}
+
+impl Launch {
+    /// Gives the launch a session of its own, and on Zenoh a free port on loopback, where the user
+    /// has not named them: launches do not get in each other's way.
+    pub fn separate(mut self, scenario: &Scenario) -> io::Result<Self> {
+        let bus = &mut self.options.bus;
+        if bus.session.is_none() && scenario.bus.session == "default" {
+            bus.session = Some(format!("mtj-{}", std::process::id()));
+        }
+        let addressed = scenario.bus.listen.is_some()
+            || scenario.bus.connect.is_some()
+            || scenario.bus.config.is_some();
+        if scenario.bus.kind == BusKind::Zenoh && !addressed {
+            let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
+            bus.listen = Some(format!("tcp/127.0.0.1:{port}"));
+        }
+        Ok(self)
+    }
+
+    /// Starts the roles, waits for the plant to end, ends the others, and returns the plant's report.
+    pub async fn run(&self, scenario: &Scenario) -> Result<Report, LaunchError> {
+        let others = self.other_arguments(scenario);
+        let mut plant = self.spawn("plant", &self.plant_arguments(), Stdio::piped())?;
+        let mut controller = self.spawn("controller", &others, Stdio::null())?;
+        let mut monitor = match self.monitor {
+            true => Some(self.spawn("monitor", &others, Stdio::inherit())?),
+            false => None,
+        };
+        let mut output = String::new();
+        let mut results = plant.stdout.take().ok_or(LaunchError::NoReport)?;
+        let ended = tokio::select! {
+            read = results.read_to_string(&mut output) => read.map(|_| None)?,
+            status = controller.wait() => Some(("controller", status?)),
+            status = ended(&mut monitor) => Some(("monitor", status?)),
+        };
+        // On Ctrl-C every role got the signal too, so that who ends first is no failure.
+        if let Some((role, status)) = ended && !status.success() {
+            for child in [Some(&mut plant), Some(&mut controller), monitor.as_mut()] {
+                end(child).await?;
+            }
+            return Err(LaunchError::Role(role, status));
+        }
+        if ended.is_some() {
+            drop(plant.stdin.take());
+            results.read_to_string(&mut output).await?;
+        }
+        let status = end(Some(&mut plant)).await?;
+        end(Some(&mut controller)).await?;
+        end(monitor.as_mut()).await?;
+        match status {
+            Some(status) if !status.success() => Err(LaunchError::Role("plant", status)),
+            _ => serde_json::from_str(&output).map_err(|_| LaunchError::NoReport),
+        }
+    }
+
+    fn plant_arguments(&self) -> Vec<String> {
+        let mut arguments = self.options.arguments();
+        arguments.push("--json".to_owned());
+        if let Some(trace) = &self.trace {
+            arguments.extend(["--trace".to_owned(), trace.display().to_string()]);
+        }
+        arguments
+    }
+
+    /// The others need only the bus; they fetch the scenario from the plant.
+    fn other_arguments(&self, scenario: &Scenario) -> Vec<String> {
+        let mut bus = self.options.bus.clone();
+        bus.bus = Some(scenario.bus.kind.name().to_owned());
+        bus.session = bus.session.or_else(|| Some(scenario.bus.session.clone()));
+        if let Some(config) = &scenario.bus.config {
+            bus.zenoh_config = Some(config.clone());
+        }
+        if scenario.bus.listen.is_some() || scenario.bus.connect.is_some() {
+            bus.connect = scenario.bus.connect_endpoints().into_iter().next();
+            bus.listen = None;
+        }
+        bus.arguments()
+    }
+
+    fn spawn(&self, role: &str, arguments: &[String], stdout: Stdio) -> io::Result<Child> {
+        Command::new(env::current_exe()?)
+            .arg(role)
+            .args(arguments)
+            .arg("--until-stdin-closes")
+            .stdin(Stdio::piped())
+            .stdout(stdout)
+            .kill_on_drop(true)
+            .spawn()
+    }
+}
+
+/// When an optional role ends; never, if there is none.
+async fn ended(child: &mut Option<Child>) -> io::Result<ExitStatus> {
+    match child {
+        Some(child) => child.wait().await,
+        None => std::future::pending().await,
+    }
+}
+
+/// Asks a role to end by closing its standard input, and ends it if it does not.
+async fn end(child: Option<&mut Child>) -> io::Result<Option<ExitStatus>> {
+    let Some(child) = child else { return Ok(None) };
+    drop(child.stdin.take());
+    match timeout(GRACE, child.wait()).await {
+        Ok(status) => status.map(Some),
+        Err(_) => {
+            child.kill().await?;
+            Ok(None)
+        }
+    }
+}
