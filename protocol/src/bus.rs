@@ -51,6 +51,11 @@ pub trait Reader<S> {
     fn take(&mut self) -> Result<Option<S>, BusError>;
     /// Sleeps until there may be a sample, or until `until`.
     fn sleep(&mut self, until: Instant) -> Result<(), BusError>;
+    /// Lets a moment pass between two looks. A transport whose own threads need a core to bring the
+    /// next sample yields it.
+    fn pause(&self) {
+        std::hint::spin_loop();
+    }
     /// How many messages on the topic were no samples.
     fn malformed(&self) -> u64;
 }
@@ -75,7 +80,7 @@ pub fn receive<S>(
             return Ok(None);
         }
         match wait {
-            Wait::Spin => std::hint::spin_loop(),
+            Wait::Spin => reader.pause(),
             Wait::Block => reader.sleep(until)?,
         }
     }

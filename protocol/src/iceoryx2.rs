@@ -8,7 +8,7 @@
 use std::{
     cell::RefCell,
     fmt::Debug,
-    rc::Rc,
+    os::fd::BorrowedFd,
     thread,
     time::{Duration, Instant},
 };
@@ -22,6 +22,7 @@ use iceoryx2::{
     service::port_factory::{event, publish_subscribe},
 };
 use mtj_model::scenario::Wait;
+use nix::poll::{PollFd, PollFlags, ppoll};
 
 use crate::{
     bus::{self, Bus, BusError, Depth, Offering, Reader, STREAM_DEPTH, Writer},
@@ -41,9 +42,20 @@ const STREAM_POLL: Duration = Duration::from_millis(1);
 
 /// A session on shared memory.
 pub struct Iceoryx2Bus {
-    node: Rc<Node<ipc::Service>>,
-    session: String,
     offers: RefCell<Offers>,
+    session: String,
+    node: Node<ipc::Service>,
+    /// Last, because fields are dropped in order: it sweeps when the last node has gone.
+    _broom: Broom,
+}
+
+/// Sweeps our domain of shared memory when a bus is gone.
+struct Broom(Config);
+
+impl Drop for Broom {
+    fn drop(&mut self) {
+        sweep(&self.0);
+    }
 }
 
 #[derive(Default)]
@@ -56,11 +68,20 @@ impl Iceoryx2Bus {
     /// Joins the session, after clearing away what dead processes left behind.
     pub fn open(session: &str) -> Result<Self, BusError> {
         set_log_level_from_env_or(LogLevel::Fatal);
+        // A domain of our own, apart from other programs that use iceoryx2.
+        let mut config = Config::global_config().clone();
+        config.global.prefix = FileName::new(b"mtj_").map_err(failure("the domain's name"))?;
         let node = NodeBuilder::new()
+            .config(&config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<ipc::Service>()
             .map_err(failure("shared memory could not be opened"))?;
-        Ok(Self { node: Rc::new(node), session: session.to_owned(), offers: RefCell::default() })
+        Ok(Self {
+            offers: RefCell::default(),
+            session: session.to_owned(),
+            node,
+            _broom: Broom(config),
+        })
     }
 
     fn name(&self, topic: &str) -> Result<ServiceName, BusError> {
@@ -218,7 +239,9 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
         match &self.listener {
             None => thread::sleep(patience.min(STREAM_POLL)),
             Some(listener) => {
-                listener.timed_wait(|_| {}, patience).map_err(failure(S::TOPIC))?;
+                wait_readable(listener, patience);
+                // A signal may interrupt this; the caller looks for itself whether there is a sample.
+                let _ = listener.try_wait(|_| {});
             }
         }
         Ok(())
@@ -234,6 +257,34 @@ struct Iceoryx2Offer(Publisher<ipc::Service, [u8], ()>);
 impl Offering for Iceoryx2Offer {
     fn serve(&mut self) -> Result<(), BusError> {
         self.0.update_connections().map_err(failure("scenario"))
+    }
+}
+
+/// Sleeps until the listener is notified, or for `patience`, to the microsecond.
+///
+/// The listener's own timed wait counts in kernel ticks of some milliseconds, by which a sampling
+/// instant must not be missed.
+#[expect(unsafe_code, reason = "a listener has only a raw descriptor to lend")]
+fn wait_readable(listener: &Listener<ipc::Service>, patience: Duration) {
+    // SAFETY: the descriptor belongs to the listener, which outlives this borrow and keeps it open.
+    let descriptor = unsafe { BorrowedFd::borrow_raw(listener.file_descriptor().native_handle()) };
+    let mut descriptors = [PollFd::new(descriptor, PollFlags::POLLIN)];
+    // An interruption by a signal is a wake-up like any other.
+    let _ = ppoll(&mut descriptors, Some(patience.into()), None);
+}
+
+/// Removes the node counter that iceoryx2 leaves in shared memory, once no process uses it.
+#[expect(unsafe_code, reason = "iceoryx2 has no other call for it")]
+fn sweep(config: &Config) {
+    let mut nodes = 0;
+    let counted = Node::<ipc::Service>::list(config, |_| {
+        nodes += 1;
+        CallbackProgression::Stop
+    });
+    if counted.is_ok() && nodes == 0 {
+        // SAFETY: no node is left in our domain. Should one start at this moment, it keeps the
+        // segment it has mapped, and node ids stay unique by their process ids.
+        let _ = unsafe { iceoryx2::testing::remove_global_mgmt_segment::<ipc::Service>(config) };
     }
 }
 

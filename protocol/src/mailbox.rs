@@ -82,6 +82,10 @@ impl<S: Sample, K> Reader<S> for MailboxReader<S, K> {
         Ok(())
     }
 
+    fn pause(&self) {
+        std::thread::yield_now();
+    }
+
     fn malformed(&self) -> u64 {
         self.mailbox.lock().malformed
     }

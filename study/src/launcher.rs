@@ -11,7 +11,7 @@ use mtj_model::scenario::{BusKind, Scenario};
 use mtj_plant::{options::ScenarioOptions, report::Report};
 use tokio::{
     io::AsyncReadExt,
-    process::{Child, Command},
+    process::{Child, ChildStdin, Command},
     time::timeout,
 };
 
@@ -95,28 +95,25 @@ impl Launch {
             false => None,
         };
         let mut output = String::new();
-        let mut results = plant.stdout.take().ok_or(LaunchError::NoReport)?;
-        let ended = tokio::select! {
+        let mut results = plant.process.stdout.take().ok_or(LaunchError::NoReport)?;
+        let ended_first = tokio::select! {
             read = results.read_to_string(&mut output) => read.map(|_| None)?,
-            status = controller.wait() => Some(("controller", status?)),
+            status = controller.process.wait() => Some(("controller", status?)),
             status = ended(&mut monitor) => Some(("monitor", status?)),
         };
-        // On Ctrl-C every role got the signal too, so that who ends first is no failure.
-        if let Some((role, status)) = ended && !status.success() {
-            for child in [Some(&mut plant), Some(&mut controller), monitor.as_mut()] {
-                end(child).await?;
-            }
-            return Err(LaunchError::Role(role, status));
-        }
-        if ended.is_some() {
-            drop(plant.stdin.take());
+        if ended_first.is_some() {
+            // On Ctrl-C every role gets the signal, so that who ends first is no failure.
+            plant.leash = None;
             results.read_to_string(&mut output).await?;
         }
-        let status = end(Some(&mut plant)).await?;
-        end(Some(&mut controller)).await?;
-        end(monitor.as_mut()).await?;
-        match status {
-            Some(status) if !status.success() => Err(LaunchError::Role("plant", status)),
+        let status = plant.end().await?;
+        controller.end().await?;
+        if let Some(monitor) = &mut monitor {
+            monitor.end().await?;
+        }
+        match (ended_first, status) {
+            (Some((role, status)), _) if !status.success() => Err(LaunchError::Role(role, status)),
+            (_, Some(status)) if !status.success() => Err(LaunchError::Role("plant", status)),
             _ => serde_json::from_str(&output).map_err(|_| LaunchError::NoReport),
         }
     }
@@ -145,35 +142,45 @@ impl Launch {
         bus.arguments()
     }
 
-    fn spawn(&self, role: &str, arguments: &[String], stdout: Stdio) -> io::Result<Child> {
-        Command::new(env::current_exe()?)
+    fn spawn(&self, role: &str, arguments: &[String], stdout: Stdio) -> io::Result<RoleProcess> {
+        let mut process = Command::new(env::current_exe()?)
             .arg(role)
             .args(arguments)
             .arg("--until-stdin-closes")
             .stdin(Stdio::piped())
             .stdout(stdout)
             .kill_on_drop(true)
-            .spawn()
+            .spawn()?;
+        let leash = process.stdin.take();
+        Ok(RoleProcess { process, leash })
+    }
+}
+
+/// A role in a process of its own.
+struct RoleProcess {
+    process: Child,
+    /// The role's standard input; the role ends when it closes, even if this program is killed.
+    leash: Option<ChildStdin>,
+}
+
+impl RoleProcess {
+    /// Asks the role to end, and ends it if it does not.
+    async fn end(&mut self) -> io::Result<Option<ExitStatus>> {
+        self.leash = None;
+        match timeout(GRACE, self.process.wait()).await {
+            Ok(status) => status.map(Some),
+            Err(_) => {
+                self.process.kill().await?;
+                Ok(None)
+            }
+        }
     }
 }
 
 /// When an optional role ends; never, if there is none.
-async fn ended(child: &mut Option<Child>) -> io::Result<ExitStatus> {
-    match child {
-        Some(child) => child.wait().await,
+async fn ended(role: &mut Option<RoleProcess>) -> io::Result<ExitStatus> {
+    match role {
+        Some(role) => role.process.wait().await,
         None => std::future::pending().await,
-    }
-}
-
-/// Asks a role to end by closing its standard input, and ends it if it does not.
-async fn end(child: Option<&mut Child>) -> io::Result<Option<ExitStatus>> {
-    let Some(child) = child else { return Ok(None) };
-    drop(child.stdin.take());
-    match timeout(GRACE, child.wait()).await {
-        Ok(status) => status.map(Some),
-        Err(_) => {
-            child.kill().await?;
-            Ok(None)
-        }
     }
 }
