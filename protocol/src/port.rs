@@ -258,7 +258,13 @@ pub fn fetch_scenario(
     proceed: &dyn Fn() -> bool,
 ) -> Result<Option<(u64, Scenario)>, BusError> {
     let mut complained = false;
+    let started = Instant::now();
+    let mut is_waiting = false;
     while proceed() {
+        if !is_waiting && started.elapsed() > Duration::from_secs(2) {
+            is_waiting = true;
+            eprintln!("mtj: there is no plant in this session yet; waiting for one");
+        }
         let found = bus.fetch()?.map(|bytes| accept(&bytes));
         match found {
             Some(Ok(found)) => return Ok(Some(found)),

@@ -30,6 +30,11 @@ pub enum LaunchError {
 }
 
 impl LaunchError {
+    /// Whether the role has told the user itself why it ended.
+    pub fn is_explained(&self) -> bool {
+        matches!(self, Self::Role(_, status) if status.code().is_some())
+    }
+
     /// The exit status to pass on.
     pub fn code(&self) -> u8 {
         match self {

@@ -13,7 +13,7 @@ use mtj_study::command::{Failure, run::Run, scenario::ScenarioCommand, up::Up};
 #[command(name = "mtj", version)]
 struct Program {
     #[command(subcommand)]
-    command: Option<Command>,
+    command: Command,
 }
 
 #[derive(Subcommand)]
@@ -27,21 +27,18 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let program = Program::parse();
-    let command = program.command.unwrap_or_else(|| Program::parse_from(["mtj", "up"]).command());
-    match run(command) {
+    let mut arguments: Vec<_> = std::env::args_os().collect();
+    if arguments.len() == 1 {
+        arguments.push("up".into()); // What a newcomer wants to see.
+    }
+    match run(Program::parse_from(arguments).command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("mtj: {failure}");
+            if !failure.sentence.is_empty() {
+                eprintln!("mtj: {failure}");
+            }
             ExitCode::from(failure.code)
         }
-    }
-}
-
-impl Program {
-    /// The command of a line that names one.
-    fn command(self) -> Command {
-        self.command.unwrap_or_else(|| std::process::exit(2))
     }
 }
 
