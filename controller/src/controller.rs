@@ -132,7 +132,6 @@ impl<const N: usize> ArmController<N> {
             predictor: Predictor::new(settings.prediction),
         }
     }
-
 }
 
 impl Law {
@@ -152,8 +151,7 @@ impl Law {
                 let recalled = memory.recall(state);
                 let error_acceleration =
                     acceleration.then(|| desired.acceleration - tip_acceleration);
-                let answer =
-                    law.task_force(error, recalled.as_ref(), error_acceleration.as_ref());
+                let answer = law.task_force(error, recalled.as_ref(), error_acceleration.as_ref());
                 memory.store(state, &answer.force);
                 Ok(answer)
             }

@@ -112,7 +112,8 @@ impl<'a> Plant<'a> {
             run,
             ..Header::default()
         };
-        let samples = scenario.duration.as_nanos().div_ceil(scenario.timing.sample_period.as_nanos());
+        let samples =
+            scenario.duration.as_nanos().div_ceil(scenario.timing.sample_period.as_nanos());
         Self {
             scenario,
             exchange,
@@ -272,9 +273,7 @@ impl<'a> Plant<'a> {
             position,
             velocity,
             applied: self.actuator.applied(),
-            delivered: self
-                .actuator
-                .delivered(time_ns, nanoseconds(self.scenario.law.memory.step)),
+            delivered: self.actuator.delivered(time_ns, nanoseconds(self.scenario.law.memory.step)),
         }
     }
 
@@ -302,11 +301,7 @@ impl<'a> Plant<'a> {
     }
 
     /// Sends a state and waits for the answer to it.
-    fn ask(
-        &mut self,
-        state: &StateSample,
-        patience: Duration,
-    ) -> Result<Option<Answer>, BusError> {
+    fn ask(&mut self, state: &StateSample, patience: Duration) -> Result<Option<Answer>, BusError> {
         if !self.watch.round_trips {
             self.exchange.send(state)?;
             return self.exchange.receive(self.clock.instant(0));

@@ -54,7 +54,9 @@ mod tests {
 
     #[test]
     fn angles_are_taken_within_half_a_turn() {
-        for (angle, expected) in [(0.5, 0.5), (PI, PI), (-PI, PI), (7.0, 7.0 - 2.0 * PI), (-4.0, 2.0 * PI - 4.0)] {
+        for (angle, expected) in
+            [(0.5, 0.5), (PI, PI), (-PI, PI), (7.0, 7.0 - 2.0 * PI), (-4.0, 2.0 * PI - 4.0)]
+        {
             assert!((wrapped(angle) - expected).abs() < 1e-12, "{angle}");
         }
     }

@@ -280,9 +280,13 @@ pub fn fetch_scenario(
 }
 
 fn accept(bytes: &[u8]) -> Result<(u64, Scenario), String> {
-    let offer = codec::decode_offer(bytes).ok_or("ignoring a scenario that could not be decoded")?;
+    let offer =
+        codec::decode_offer(bytes).ok_or("ignoring a scenario that could not be decoded")?;
     if offer.version != VERSION {
-        return Err(format!("ignoring a scenario from a plant of another version; {}", Fault::Version.sentence()));
+        return Err(format!(
+            "ignoring a scenario from a plant of another version; {}",
+            Fault::Version.sentence()
+        ));
     }
     let scenario = Scenario::parse(&offer.name, &offer.text, &[])
         .map_err(|error| format!("ignoring the plant's scenario: {error}"))?;
@@ -297,7 +301,11 @@ impl Complaints {
     fn once<S: Sample>(&mut self, fault: Fault) {
         if !self.0.contains(&fault) {
             self.0.push(fault);
-            eprintln!("mtj: ignoring a {} sample: {} (said once, counted always)", S::TOPIC, fault.sentence());
+            eprintln!(
+                "mtj: ignoring a {} sample: {} (said once, counted always)",
+                S::TOPIC,
+                fault.sentence()
+            );
         }
     }
 }

@@ -72,7 +72,8 @@ impl ZenohBus {
 /// The session's configuration: the user's file if there is one, ours over it where it speaks of
 /// what the user said on the command line or in the scenario.
 fn configure(settings: &BusSettings, role: Role) -> Result<Config, BusError> {
-    let refuse = |error: zenoh::Error| BusError::Settings(format!("the Zenoh configuration: {error}"));
+    let refuse =
+        |error: zenoh::Error| BusError::Settings(format!("the Zenoh configuration: {error}"));
     let mut config = match &settings.config {
         None => Config::default(),
         Some(path) => Config::from_file(path).map_err(|error| {
@@ -94,7 +95,9 @@ fn configure(settings: &BusSettings, role: Role) -> Result<Config, BusError> {
     match role {
         Role::Plant if ours || settings.listen.is_some() => {
             set("listen/endpoints", list(&settings.listen_endpoints()))?;
-            if settings.listen.is_some() && let Some(connect) = &settings.connect {
+            if settings.listen.is_some()
+                && let Some(connect) = &settings.connect
+            {
                 set("connect/endpoints", list(connect))?;
             }
         }
@@ -152,8 +155,12 @@ impl Bus for ZenohBus {
     }
 
     fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
-        let replies =
-            self.session.get(self.key("scenario")).timeout(QUERY_TIMEOUT).wait().map_err(failure)?;
+        let replies = self
+            .session
+            .get(self.key("scenario"))
+            .timeout(QUERY_TIMEOUT)
+            .wait()
+            .map_err(failure)?;
         let end = Instant::now() + QUERY_TIMEOUT;
         while let Ok(Some(reply)) = replies.recv_deadline(end) {
             if let Ok(sample) = reply.result() {

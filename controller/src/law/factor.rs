@@ -49,8 +49,8 @@ impl<T: Scalar, const M: usize> Factor<T, M> {
     pub fn regulate(&self, e: &TrackingError<T, M>) -> Regulation<T, M> {
         match self {
             Self::Switch { error, error_rate } => {
-                let small = matrix::norm(&e.position) < *error
-                    && matrix::norm(&e.velocity) < *error_rate;
+                let small =
+                    matrix::norm(&e.position) < *error && matrix::norm(&e.velocity) < *error_rate;
                 if small { Regulation::All } else { Regulation::Nothing }
             }
             Self::Exponential { error, error_rate } => Regulation::Scalar(fade(
