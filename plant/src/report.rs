@@ -49,7 +49,7 @@ pub struct Commands {
     pub sent: u64,
     /// Commands that came into effect.
     pub applied: u64,
-    /// Commands that never came.
+    /// Commands that never came, or that a newer one had overtaken.
     pub lost: u64,
     /// Commands that came more than a sample period after their state was sent.
     pub late: u64,

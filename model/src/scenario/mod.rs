@@ -8,6 +8,7 @@ mod builtin;
 mod bus;
 pub mod duration;
 mod law;
+mod link;
 mod safety;
 mod section;
 mod timing;
@@ -23,9 +24,10 @@ pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, Wait};
 pub use law::{
     FactorKind, FactorSettings, Horizon, LawKind, LawSettings, MemoryPolicy, MemorySettings,
 };
+pub use link::{Dropout, Jitter, LinkSettings, Links};
 pub use safety::{OnTimeout, Safety};
 pub use section::ScenarioError;
-pub use timing::{ClockKind, LinkSettings, Links, Timing};
+pub use timing::{ClockKind, Timing};
 
 use crate::trajectory::Trajectory;
 use section::{Origin, Section};
