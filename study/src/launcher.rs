@@ -150,17 +150,28 @@ impl Launch {
     }
 
     fn spawn(&self, role: &str, arguments: &[String], stdout: Stdio) -> io::Result<RoleProcess> {
-        let mut process = Command::new(env::current_exe()?)
-            .arg(role)
-            .args(arguments)
-            .arg("--until-stdin-closes")
-            .stdin(Stdio::piped())
-            .stdout(stdout)
-            .kill_on_drop(true)
-            .spawn()?;
+        let mut command = Command::from(role_command(role, arguments, stdout)?);
+        let mut process = command.kill_on_drop(true).spawn()?;
         let leash = process.stdin.take();
         Ok(RoleProcess { process, leash })
     }
+
+    /// The command that starts a controller for this launch.
+    pub fn controller_command(&self, scenario: &Scenario) -> io::Result<std::process::Command> {
+        role_command("controller", &self.other_arguments(scenario), Stdio::null())
+    }
+}
+
+/// A role from this program's executable, on a leash: it ends when its standard input closes.
+fn role_command(
+    role: &str,
+    arguments: &[String],
+    stdout: Stdio,
+) -> io::Result<std::process::Command> {
+    let mut command = std::process::Command::new(env::current_exe()?);
+    command.arg(role).args(arguments).arg("--until-stdin-closes");
+    command.stdin(Stdio::piped()).stdout(stdout);
+    Ok(command)
 }
 
 /// A role in a process of its own.

@@ -3,3 +3,5 @@
 pub mod command;
 pub mod experiment;
 pub mod launcher;
+pub mod session;
+pub mod sweep;

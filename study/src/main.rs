@@ -6,7 +6,9 @@ use clap::{Parser, Subcommand};
 use mtj_controller::options::ControllerOptions;
 use mtj_monitor::options::MonitorOptions;
 use mtj_plant::options::PlantOptions;
-use mtj_study::command::{Failure, run::Run, scenario::ScenarioCommand, up::Up};
+use mtj_study::command::{
+    Failure, run::Run, scenario::ScenarioCommand, study::StudyCommand, up::Up,
+};
 
 /// Close a robot's control loop over a bus, and study what sample period and latency do to it
 #[derive(Parser)]
@@ -24,6 +26,7 @@ enum Command {
     Controller(ControllerOptions),
     Monitor(MonitorOptions),
     Scenario(ScenarioCommand),
+    Study(StudyCommand),
 }
 
 fn main() -> ExitCode {
@@ -50,5 +53,6 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Controller(controller) => Ok(controller.run()?),
         Command::Monitor(monitor) => Ok(monitor.run()?),
         Command::Scenario(scenario) => scenario.run(),
+        Command::Study(study) => study.run(),
     }
 }

@@ -2,6 +2,7 @@
 
 pub mod run;
 pub mod scenario;
+pub mod study;
 pub mod up;
 
 use std::{fmt, io};
@@ -29,6 +30,11 @@ impl fmt::Display for Failure {
 }
 
 impl Failure {
+    /// Something the user can mend.
+    pub fn bad_input(sentence: impl fmt::Display) -> Self {
+        Self::new(sentence, true)
+    }
+
     fn new(error: impl fmt::Display, is_bad_input: bool) -> Self {
         Self { sentence: error.to_string(), code: if is_bad_input { 2 } else { 1 } }
     }
@@ -67,6 +73,12 @@ impl From<LaunchError> for Failure {
     fn from(error: LaunchError) -> Self {
         let sentence = if error.is_explained() { String::new() } else { error.to_string() };
         Self { code: error.code(), sentence }
+    }
+}
+
+impl From<String> for Failure {
+    fn from(sentence: String) -> Self {
+        Self::new(sentence, false)
     }
 }
 
