@@ -119,7 +119,11 @@ impl<const N: usize> ArmController<N> {
         let law = match settings.kind {
             LawKind::Tj => Law::Tj(tj),
             LawKind::Mtj => Law::Mtj {
-                law: ModifiedTransposeJacobian { tj, factor: factor(&settings.factor) },
+                law: ModifiedTransposeJacobian {
+                    tj,
+                    factor: factor(&settings.factor),
+                    ceiling: settings.factor.ceiling,
+                },
                 memory: Memory::new(&settings.memory),
                 acceleration: settings.acceleration,
             },

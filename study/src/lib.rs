@@ -3,5 +3,6 @@
 pub mod command;
 pub mod experiment;
 pub mod launcher;
+pub mod predict;
 pub mod session;
 pub mod sweep;

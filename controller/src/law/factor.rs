@@ -81,6 +81,17 @@ impl<T: Scalar, const M: usize> Regulation<T, M> {
         }
     }
 
+    /// c k: the same factor under a ceiling c.
+    pub fn under(self, ceiling: T) -> Self {
+        match self {
+            _ if ceiling == T::one() => self,
+            Self::All => Self::Scalar(ceiling),
+            Self::Nothing => Self::Nothing,
+            Self::Scalar(k) => Self::Scalar(k * ceiling),
+            Self::Diagonal(k) => Self::Diagonal(k * ceiling),
+        }
+    }
+
     /// k on each axis.
     pub fn per_axis(&self) -> SVector<T, M> {
         match self {
