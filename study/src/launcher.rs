@@ -33,7 +33,9 @@ impl LaunchError {
     /// The exit status to pass on.
     pub fn code(&self) -> u8 {
         match self {
-            Self::Role(_, status) => status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1),
+            Self::Role(_, status) => {
+                status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1)
+            }
             _ => 1,
         }
     }
