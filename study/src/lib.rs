@@ -2,4 +2,6 @@
 
 pub mod command;
 pub mod experiment;
+pub mod figure;
 pub mod launcher;
+pub mod paper;
