@@ -17,11 +17,16 @@ use super::{Figure, FigureError, Panel, thin::thin};
 /// The backend draws on whole numbers; this many of them make a pixel, so that flat curves have no
 /// steps.
 const UNITS: u32 = 8;
-const TITLE: u32 = 30;
+const TITLE: u32 = 24;
 const HEADER: u32 = 26;
-const LEFT: u32 = 58;
+/// Of the plot itself: margin, axis title and tick labels.
+const LEFT: u32 = MARGIN + AXIS;
+const MARGIN: u32 = 8;
+const AXIS: u32 = 54;
 const RIGHT: u32 = 16;
-const BOTTOM: u32 = 42;
+const BOTTOM: u32 = 40;
+/// Between a panel and the one below.
+const GAP: u32 = 10;
 const OUTER: u32 = 6;
 
 const INK: RGBColor = RGBColor(40, 40, 40);
@@ -30,6 +35,7 @@ const GRID: RGBColor = RGBColor(228, 228, 228);
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
+/// The document.
 pub fn svg(figure: &Figure) -> Result<String, FigureError> {
     let columns = figure.columns.max(1);
     let rows = figure.panels.len().div_ceil(columns);
@@ -67,15 +73,17 @@ fn draw_panel(panel: &Panel, area: &Area<'_>, size: (u32, u32)) -> Result<(), Fi
     let mut chart = ChartBuilder::on(area)
         .margin_top(units(HEADER))
         .margin_right(units(RIGHT))
+        .margin_bottom(units(GAP))
+        .margin_left(units(MARGIN))
         .x_label_area_size(units(BOTTOM))
-        .y_label_area_size(units(LEFT))
+        .y_label_area_size(units(AXIS))
         .build_cartesian_2d(x.clone(), y.clone())
         .map_err(failed)?;
     let small = |size| style(size, INK, HPos::Left, VPos::Top);
-    let inner = (size.0 - LEFT - RIGHT, size.1 - HEADER - BOTTOM);
+    let inner = (size.0 - LEFT - RIGHT, size.1 - HEADER - BOTTOM - GAP);
     chart
         .configure_mesh()
-        .disable_mesh()
+        .max_light_lines(0)
         .x_labels((inner.0 / 60).max(2) as usize)
         .y_labels((inner.1 / 28).max(2) as usize)
         .x_label_formatter(&|x| tick(*x))
@@ -87,7 +95,6 @@ fn draw_panel(panel: &Panel, area: &Area<'_>, size: (u32, u32)) -> Result<(), Fi
         .axis_style(FRAME.stroke_width(UNITS))
         .set_all_tick_mark_size(units(4))
         .bold_line_style(GRID.stroke_width(UNITS))
-        .light_line_style(GRID.mix(0.0))
         .draw()
         .map_err(failed)?;
     for curve in &panel.curves {
@@ -97,20 +104,23 @@ fn draw_panel(panel: &Panel, area: &Area<'_>, size: (u32, u32)) -> Result<(), Fi
     Ok(())
 }
 
-/// Labels with a stroke before each, ending at `right`.
+/// A stroke and a label for each curve that has one, ending at about `right`.
 fn draw_legend(panel: &Panel, area: &Area<'_>, right: i32, middle: i32) -> Result<(), FigureError> {
-    const STROKE: u32 = 20;
-    const GAP: u32 = 6;
-    const BETWEEN: u32 = 16;
-    let mut end = right;
-    for curve in panel.curves.iter().rev().filter(|curve| !curve.label.is_empty()) {
-        let text = style(13, INK, HPos::Right, VPos::Center);
-        area.draw(&Text::new(curve.label.clone(), (end, middle), text)).map_err(failed)?;
-        end -= units(GAP) + units(7) * curve.label.chars().count() as i32;
-        let stroke = vec![(end - units(STROKE), middle), (end, middle)];
+    const STROKE: i32 = units(20);
+    const SPACE: i32 = units(6);
+    const BETWEEN: i32 = units(14);
+    let named = || panel.curves.iter().filter(|curve| !curve.label.is_empty());
+    let width = |label: &str| STROKE + SPACE + units(6) * label.chars().count() as i32;
+    let total: i32 = named().map(|curve| width(&curve.label) + BETWEEN).sum();
+    let mut start = right + BETWEEN - total;
+    for curve in named() {
+        let stroke = vec![(start, middle), (start + STROKE, middle)];
         area.draw(&PathElement::new(stroke, line(curve.color).stroke_width(2 * UNITS)))
             .map_err(failed)?;
-        end -= units(STROKE) + units(BETWEEN);
+        let text = style(13, INK, HPos::Left, VPos::Center);
+        let place = (start + STROKE + SPACE, middle);
+        area.draw(&Text::new(curve.label.clone(), place, text)).map_err(failed)?;
+        start += width(&curve.label) + BETWEEN;
     }
     Ok(())
 }
@@ -126,7 +136,7 @@ fn style(size: u32, color: RGBColor, horizontal: HPos, vertical: VPos) -> TextSt
         .pos(Pos::new(horizontal, vertical))
 }
 
-fn units(pixels: u32) -> i32 {
+const fn units(pixels: u32) -> i32 {
     (pixels * UNITS) as i32
 }
 

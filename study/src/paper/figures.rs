@@ -25,11 +25,11 @@ pub fn all(runs: &Runs) -> Result<Vec<(&'static str, Figure)>, RunsError> {
         ("fig1b", desired_path(&scenario("fig4-mtj")?.trajectory)),
         (
             "fig2",
-            tracking_errors(runs, "fig2", "Fig. 2  Tracking errors, low speed (ω = 0.05 rad/s)")?,
+            tracking_errors(runs, "fig2", "Fig. 2: Tracking errors, low speed (ω = 0.05 rad/s)")?,
         ),
         (
             "fig3",
-            tracking_errors(runs, "fig3", "Fig. 3  Tracking errors, high speed (ω = 2 rad/s)")?,
+            tracking_errors(runs, "fig3", "Fig. 3: Tracking errors, high speed (ω = 2 rad/s)")?,
         ),
         ("fig4", torques_and_errors(runs)?),
         ("fig5", noisy_torques(runs)?),
@@ -44,11 +44,11 @@ fn desired_path(trajectory: &Trajectory<f64>) -> Figure {
         (position[0], position[1])
     });
     Figure {
-        title: "Fig. 1(b)  Desired tracking path".to_owned(),
+        title: String::new(),
         columns: 1,
-        panel_size: (474, 468),
+        panel_size: (478, 476),
         panels: vec![Panel {
-            title: String::new(),
+            title: "Fig. 1(b): Desired tracking path".to_owned(),
             x: Axis::new("x (m)", -2.0..2.0),
             y: Axis::new("y (m)", -2.0..2.0),
             curves: vec![Curve::new("", BLUE, path)],
@@ -78,7 +78,7 @@ fn torques_and_errors(runs: &Runs) -> Result<Figure, RunsError> {
             [torque_panel(outcome, title, &torque), error_panel(outcome, title, &error)]
         })
         .collect();
-    let title = "Fig. 4  Joint torques and tracking errors (ω = 1 rad/s)".to_owned();
+    let title = "Fig. 4: Joint torques and tracking errors (ω = 1 rad/s)".to_owned();
     Ok(Figure { title, columns: 2, panel_size: (440, 250), panels })
 }
 
@@ -90,7 +90,7 @@ fn noisy_torques(runs: &Runs) -> Result<Figure, RunsError> {
         .zip(LAWS)
         .map(|(outcome, (_, title))| torque_panel(outcome, title, &y))
         .collect();
-    let title = "Fig. 5  Joint torques under noisy feedback (ω = 1 rad/s, 2 % noise)".to_owned();
+    let title = "Fig. 5: Joint torques under noisy feedback (ω = 1 rad/s, 2 % noise)".to_owned();
     Ok(Figure { title, columns: 2, panel_size: (440, 280), panels })
 }
 
@@ -103,7 +103,7 @@ fn torques(row: &Row) -> [f64; 2] {
 }
 
 fn torque_panel(outcome: &Outcome, title: &str, y: &Axis) -> Panel {
-    panel(outcome, title, y, ["τ1", "τ2"], torques)
+    panel(outcome, title, y, ["τ₁", "τ₂"], torques)
 }
 
 fn error_panel(outcome: &Outcome, title: &str, y: &Axis) -> Panel {

@@ -12,7 +12,10 @@ use mtj_model::{for_links, gains::Gains, matrix, task::TaskDynamics};
 use nalgebra::{SMatrix, SVector};
 use serde::Serialize;
 
-use super::counting::{Counted, Operations, count};
+use super::{
+    counting::{Counted, Operations, count},
+    table::printed_width,
+};
 
 /// The sizes that are counted.
 pub const SIZES: std::ops::RangeInclusive<u64> = 2..=7;
@@ -159,7 +162,8 @@ pub struct Table1<'a>(pub &'a [Counts]);
 impl fmt::Display for Table1<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut row = |name: &str, value: &dyn Fn(&Counts) -> u64| {
-            write!(f, "  {name:<54}")?;
+            let padding = " ".repeat(54_usize.saturating_sub(printed_width(name)));
+            write!(f, "  {name}{padding}")?;
             self.0.iter().try_for_each(|counts| write!(f, "{:>6}", value(counts)))?;
             writeln!(f)
         };
