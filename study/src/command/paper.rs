@@ -15,10 +15,11 @@ use super::Failure;
 use crate::{
     figure::{FigureError, Written},
     paper::{
+        columns::ComparisonTable,
         figures,
         operations::{Counts, FINDINGS, Table1, count_all},
         runs::{Runs, RunsError},
-        table::{Comparison, ComparisonTable, NOT_REPRODUCIBLE, compare},
+        table::{Comparison, NOT_REPRODUCIBLE, compare},
     },
 };
 

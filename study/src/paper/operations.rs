@@ -13,8 +13,8 @@ use nalgebra::{SMatrix, SVector};
 use serde::Serialize;
 
 use super::{
+    columns::printed_width,
     counting::{Counted, Operations, count},
-    table::printed_width,
 };
 
 /// The sizes that are counted.
