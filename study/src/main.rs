@@ -7,7 +7,7 @@ use mtj_controller::options::ControllerOptions;
 use mtj_monitor::options::MonitorOptions;
 use mtj_plant::options::PlantOptions;
 use mtj_study::command::{
-    Failure, run::Run, scenario::ScenarioCommand, study::StudyCommand, up::Up,
+    Failure, paper::Paper, run::Run, scenario::ScenarioCommand, study::StudyCommand, up::Up,
 };
 
 /// Close a robot's control loop over a bus, and study what sample period and latency do to it
@@ -25,6 +25,7 @@ enum Command {
     Plant(PlantOptions),
     Controller(ControllerOptions),
     Monitor(MonitorOptions),
+    Paper(Paper),
     Scenario(ScenarioCommand),
     Study(StudyCommand),
 }
@@ -52,6 +53,7 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Plant(plant) => Ok(plant.run()?),
         Command::Controller(controller) => Ok(controller.run()?),
         Command::Monitor(monitor) => Ok(monitor.run()?),
+        Command::Paper(paper) => paper.run(),
         Command::Scenario(scenario) => scenario.run(),
         Command::Study(study) => study.run(),
     }

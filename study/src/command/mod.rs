@@ -1,5 +1,6 @@
 //! The subcommands of `mtj`, one file each.
 
+pub mod paper;
 pub mod run;
 pub mod scenario;
 pub mod study;

@@ -125,8 +125,7 @@ impl LinearLoop {
     /// The largest latency, up to `most`, below which every latency keeps the radius below one, s;
     /// `None` if not even none does.
     pub fn largest_latency(&self, most: f64) -> Option<f64> {
-        let is_stable =
-            |latency: f64| Self { latency, ..*self }.spectral_radius() < 1.0;
+        let is_stable = |latency: f64| Self { latency, ..*self }.spectral_radius() < 1.0;
         if !is_stable(0.0) {
             return None;
         }
