@@ -1,6 +1,7 @@
 //! The subcommands of `mtj`, one file each.
 
 pub mod paper;
+pub mod predict;
 pub mod run;
 pub mod scenario;
 pub mod study;

@@ -12,7 +12,7 @@ use mtj_model::scenario::{BusKind, Override, Scenario};
 use mtj_plant::options::ScenarioOptions;
 use mtj_protocol::{options::BusOptions, shutdown::Shutdown};
 
-use super::Failure;
+use super::{Failure, predict::Predict};
 use crate::{
     session::Session,
     sweep::{
@@ -40,10 +40,12 @@ enum Action {
     Run(RunStudy),
     /// Join the results of shards and say what is missing
     Merge(Merge),
+    Predict(Predict),
 }
 
+/// Which study
 #[derive(Args, Debug)]
-struct Which {
+pub struct Which {
     /// Built-in study ('mtj study list' prints them) or TOML file
     study: String,
     /// Set any key at every point; may be repeated
@@ -52,7 +54,8 @@ struct Which {
 }
 
 impl Which {
-    fn load(&self) -> Result<Plan, Failure> {
+    /// The study, with everything set that was asked for.
+    pub fn load(&self) -> Result<Plan, Failure> {
         let set: Vec<Override> =
             self.set.iter().map(|text| text.parse()).collect::<Result<_, _>>()?;
         Ok(Plan::load(&self.study, &set)?)
@@ -103,6 +106,7 @@ impl StudyCommand {
             }
             Action::Run(run) => run.run(),
             Action::Merge(merge) => merge.run(),
+            Action::Predict(predict) => predict.run(),
         }
     }
 }
