@@ -30,6 +30,11 @@ pub enum LaunchError {
 }
 
 impl LaunchError {
+    /// Whether a role has told the user already: it does whenever it ends by itself.
+    pub fn is_said(&self) -> bool {
+        matches!(self, Self::Role(_, status) if status.code().is_some())
+    }
+
     /// The exit status to pass on.
     pub fn code(&self) -> u8 {
         match self {

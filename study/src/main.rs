@@ -32,7 +32,9 @@ fn main() -> ExitCode {
     match run(command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("mtj: {failure}");
+            if !failure.sentence.is_empty() {
+                eprintln!("mtj: {failure}");
+            }
             ExitCode::from(failure.code)
         }
     }

@@ -16,7 +16,7 @@ use crate::launcher::LaunchError;
 /// Why a command failed, with the exit status it deserves.
 #[derive(Debug)]
 pub struct Failure {
-    /// One clear sentence.
+    /// One clear sentence; empty if a role has said it already.
     pub sentence: String,
     /// 2 for bad input, 1 for anything else.
     pub code: u8,
@@ -65,7 +65,8 @@ impl From<ServeError> for Failure {
 
 impl From<LaunchError> for Failure {
     fn from(error: LaunchError) -> Self {
-        Self { code: error.code(), sentence: error.to_string() }
+        let sentence = if error.is_said() { String::new() } else { error.to_string() };
+        Self { code: error.code(), sentence }
     }
 }
 
