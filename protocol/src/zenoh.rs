@@ -65,6 +65,11 @@ impl ZenohBus {
         Ok(Some(Self { session, prefix: format!("mtj/{}", settings.session) }))
     }
 
+    /// Whether the settings make a Zenoh configuration.
+    pub fn check(settings: &BusSettings) -> Result<(), BusError> {
+        configure(settings, Role::Plant).map(drop)
+    }
+
     fn key(&self, topic: &str) -> String {
         format!("{}/{topic}", self.prefix)
     }
