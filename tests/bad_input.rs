@@ -44,7 +44,11 @@ fn bad_values_are_refused_by_key_and_value() {
         ("law.kp", &["law.kp", "KEY=VALUE"]),
     ] {
         for command in [&["run", "--json"][..], &["up"], &["plant"], &["scenario", "check"]] {
-            assert_refused(&session, &[command, &["--set", set]].concat(), &[&["--set"], words].concat());
+            assert_refused(
+                &session,
+                &[command, &["--set", set]].concat(),
+                &[&["--set"], words].concat(),
+            );
         }
     }
 }
@@ -63,9 +67,17 @@ fn files_are_refused_by_name_and_line() {
     let session = Session::on("local");
     let write = |name: &str, text: &str| fs::write(session.directory.join(name), text).unwrap();
     write("torn.toml", "duration = \"20 s\"\n[arm\n");
-    assert_refused(&session, &["run", "--scenario", "torn.toml"], &["torn.toml", "line 2", "not TOML"]);
+    assert_refused(
+        &session,
+        &["run", "--scenario", "torn.toml"],
+        &["torn.toml", "line 2", "not TOML"],
+    );
     write("empty.toml", "");
-    assert_refused(&session, &["run", "--scenario", "empty.toml"], &["empty.toml", "arm is missing"]);
+    assert_refused(
+        &session,
+        &["run", "--scenario", "empty.toml"],
+        &["empty.toml", "arm is missing"],
+    );
     let text = mtj_model::scenario::built_in("sampled/mb").unwrap();
     write("heavy.toml", &text.replace("mass = 4.0", "mass = \"heavy\""));
     let words = ["heavy.toml", "arm.links[0].mass", "\"heavy\"", "kg"];
@@ -125,7 +137,8 @@ fn a_busy_port_is_refused_and_nothing_is_left_running() {
 fn a_trace_that_cannot_be_written_is_refused_before_the_run() {
     let session = Session::on("local");
     for bus in ["local", "iceoryx2", "zenoh"] {
-        let arguments = ["run", "--bus", bus, "--set", "duration=1h", "--trace", "no/such/place.csv"];
+        let arguments =
+            ["run", "--bus", bus, "--set", "duration=1h", "--trace", "no/such/place.csv"];
         assert_refused(&session, &arguments, &["--trace", "no/such/place.csv"]);
     }
 }
@@ -151,7 +164,9 @@ fn a_second_plant_in_a_session_is_refused() {
     // Whichever came second.
     let refused = session::eventually("a refusal", || {
         thread::sleep(Duration::from_millis(5));
-        [&mut first, &mut second].into_iter().find_map(|plant| plant.has_ended().then(|| (plant.wait(), plant.stderr())))
+        [&mut first, &mut second]
+            .into_iter()
+            .find_map(|plant| plant.has_ended().then(|| (plant.wait(), plant.stderr())))
     });
     assert_eq!(refused.0.code(), Some(2), "{}", refused.1);
     for word in ["session", &session.name, "--session"] {

@@ -93,7 +93,11 @@ const KNOWN: [(&str, &[&str], [f64; 4]); 5] = [
     ("sampled/mtj", &["law.memory.policy=sent"], [1.430e-3, 1.376e-2, 1.46e-1, 1.8]),
     ("sampled/mtj", &["law.memory.policy=applied"], [1.430e-3, 1.376e-2, 1.46e-1, 1.8]),
     ("sampled/mtj", &[DELIVERED], [1.430e-3, 2.227e-3, 3.60e-2, 1.9]),
-    ("sampled/mtj", &[DELIVERED, "law.prediction.horizon="], [1.430e-3, 1.568e-3, 2.106e-3, 3.780e-3]),
+    (
+        "sampled/mtj",
+        &[DELIVERED, "law.prediction.horizon="],
+        [1.430e-3, 1.568e-3, 2.106e-3, 3.780e-3],
+    ),
     ("sampled/mb", &["law.kp=8", "law.kd=4"], [2.534e-3, 3.067e-3, 5.223e-3, 1.394e-2]),
 ];
 
@@ -103,14 +107,19 @@ fn what_we_know_of_latency_is_so() {
         for (latency, expected) in ["0ms", "1ms", "5ms", "20ms"].iter().zip(errors) {
             let link = format!("link.torque.latency={latency}");
             // The horizon of a predicting law is the constant latency.
-            let ahead = |set: &&str| if set.ends_with('=') { format!("{set}{latency}") } else { set.to_string() };
+            let ahead = |set: &&str| {
+                if set.ends_with('=') { format!("{set}{latency}") } else { set.to_string() }
+            };
             let sets: Vec<String> = sets.iter().map(ahead).chain([link]).collect();
             let report = sampled(name, &sets.iter().map(String::as_str).collect::<Vec<_>>());
             let what = format!("{name} {sets:?}");
             // Limit cycles are known by their size only; the rest to four digits.
             if expected >= 1e-1 || expected == 3.60e-2 {
                 let found = report.rms_error_m.unwrap_or(f64::NAN);
-                assert!((0.5..2.0).contains(&(found / expected)), "{what}: {found}, not {expected}");
+                assert!(
+                    (0.5..2.0).contains(&(found / expected)),
+                    "{what}: {found}, not {expected}"
+                );
             } else {
                 assert_within(0.02, report.rms_error_m, expected, &what);
             }
@@ -130,8 +139,16 @@ fn a_measured_horizon_does_as_well_as_a_known_one() {
 #[test]
 fn splitting_a_latency_differently_gives_the_same_trajectory() {
     let trace = |there: &str, back: &str| {
-        let (there, back) = (format!("link.state.latency={there}"), format!("link.torque.latency={back}"));
-        let sets = ["timing.clock=lockstep", "duration=5s", DELIVERED, "law.prediction.horizon=measured", &there, &back];
+        let (there, back) =
+            (format!("link.state.latency={there}"), format!("link.torque.latency={back}"));
+        let sets = [
+            "timing.clock=lockstep",
+            "duration=5s",
+            DELIVERED,
+            "law.prediction.horizon=measured",
+            &there,
+            &back,
+        ];
         run("sampled/mtj", &sets).trace
     };
     let reference = trace("13ms", "0ms");
@@ -157,7 +174,8 @@ fn a_report_has_exactly_the_documented_keys() {
         keys.sort();
         keys.join(" ")
     };
-    let arguments = "run --json --scenario sampled/mtj --set duration=200ms --set timing.clock=lockstep";
+    let arguments =
+        "run --json --scenario sampled/mtj --set duration=200ms --set timing.clock=lockstep";
     for bus in ["local", "iceoryx2"] {
         let report = Session::on(bus).report(arguments);
         assert_eq!(

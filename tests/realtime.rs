@@ -26,7 +26,10 @@ fn loses_nothing_over(bus: &str) {
         assert_eq!(report["diverged"], false);
         assert_eq!((&report["bus"], &report["clock"]), (&bus.into(), &"realtime".into()));
         assert_eq!(report["samples"], 500);
-        assert_eq!((&report["commands"]["sent"], &report["commands"]["rejected"]), (&500.into(), &0.into()));
+        assert_eq!(
+            (&report["commands"]["sent"], &report["commands"]["rejected"]),
+            (&500.into(), &0.into())
+        );
         let (trip, residence) = (&report["round_trip_us"], &report["residence_us"]);
         let p50 = |times: &Value| times["p50"].as_f64().unwrap();
         assert!(p50(trip) > p50(residence) && p50(residence) > 0.0, "{report}");
@@ -61,7 +64,11 @@ fn assert_complete(report: &Value) {
 #[test]
 fn three_roles_find_each_other_in_any_order() {
     for bus in ["iceoryx2", "zenoh"] {
-        for order in [["controller", "monitor", PLANT], [PLANT, "monitor", "controller"], ["monitor", PLANT, "controller"]] {
+        for order in [
+            ["controller", "monitor", PLANT],
+            [PLANT, "monitor", "controller"],
+            ["monitor", PLANT, "controller"],
+        ] {
             let session = Session::on(bus);
             let mut roles: Vec<Running> = order
                 .iter()
@@ -76,7 +83,8 @@ fn three_roles_find_each_other_in_any_order() {
             assert!(status.success(), "{bus}, {order:?}: {}", roles[at("plant")].stderr());
             assert_complete(&report_of(&roles[at("plant")]));
             let seen = roles[at("monitor")].stdout();
-            let live = seen.lines().filter(|line| line.contains("|e|") && line.contains("round trip p50"));
+            let live =
+                seen.lines().filter(|line| line.contains("|e|") && line.contains("round trip p50"));
             assert!(live.count() >= 2, "{bus}, {order:?}, the monitor saw: {seen}");
             for role in ["controller", "monitor"] {
                 assert!(!roles[at(role)].has_ended(), "the {role} outlives the plant");
@@ -161,7 +169,8 @@ fn a_plant_that_starts_again_finds_the_controller_that_is_there() {
         let session = Session::on(bus);
         let mut controller = session.start("controller");
         for scenario in ["sampled/mtj", "sampled/tj", "sampled/mtj"] {
-            let mut plant = session.start(&PLANT.replace("sampled/mtj", scenario).replace("3s", "1s"));
+            let mut plant =
+                session.start(&PLANT.replace("sampled/mtj", scenario).replace("3s", "1s"));
             assert!(plant.wait().success(), "{bus}: {}", plant.stderr());
             let report = report_of(&plant);
             assert_eq!((&report["diverged"], &report["samples"]), (&false.into(), &100.into()));

@@ -42,7 +42,11 @@ fn gains_may_be_diagonal_or_full() {
     };
     let (e, rate) = tracking_error(&state);
     let diagonal = respond("[30, 40]", "[60, 70]");
-    assert_close(&diagonal.force, [30.0 * e[0] + 60.0 * rate[0], 40.0 * e[1] + 70.0 * rate[1]], "Q̂");
+    assert_close(
+        &diagonal.force,
+        [30.0 * e[0] + 60.0 * rate[0], 40.0 * e[1] + 70.0 * rate[1]],
+        "Q̂",
+    );
     let as_full = respond("[[30, 0], [0, 40]]", "[[60, 0], [0, 70]]");
     assert_eq!(diagonal, as_full, "a full matrix with a zero off its diagonal");
     let full = respond("[[30, 5], [-2, 40]]", "[[60, 7], [3, 70]]");
@@ -189,7 +193,11 @@ fn a_model_that_is_ten_percent_too_heavy_asks_for_ten_percent_more() {
         };
         let (exact, heavy) = (respond("1.0"), respond("1.1"));
         assert_close(&heavy.force, mix(1.1, [exact.force[0], exact.force[1]], 0.0, [0.0; 2]), "Q̂");
-        assert_close(&heavy.torque, mix(1.1, [exact.torque[0], exact.torque[1]], 0.0, [0.0; 2]), "τ");
+        assert_close(
+            &heavy.torque,
+            mix(1.1, [exact.torque[0], exact.torque[1]], 0.0, [0.0; 2]),
+            "τ",
+        );
     }
 }
 
@@ -200,7 +208,10 @@ fn mb_at_a_singular_jacobian_is_an_error_and_no_number() {
         let found = controller.respond(&state(2500, [0.3, fold], [1.0, 1.0]));
         assert_eq!(found, Err(LawError::Singular(2.5)), "q₂ = {fold}");
         let sentence = found.unwrap_err().to_string();
-        assert!(sentence.contains("mb") && sentence.contains("singular at t = 2.5 s"), "{sentence}");
+        assert!(
+            sentence.contains("mb") && sentence.contains("singular at t = 2.5 s"),
+            "{sentence}"
+        );
         let fine = controller.respond(&state(2510, [0.3, 0.8], [1.0, 1.0])).unwrap();
         assert!(fine.torque.iter().all(|torque| torque.is_finite()), "and then it goes on");
     }
@@ -239,8 +250,7 @@ fn a_redundant_arm_takes_the_transpose_of_its_jacobian() {
     let rate = mix(1.0, [0.0, 0.3], -1.0, speed);
     let force = mix(30.0, e, 60.0, rate);
     for kind in ["law.kind=tj", "law.kind=mtj"] {
-        let answer =
-            Controller::new(&scenario("redundant/mtj", &[kind])).respond(&asked).unwrap();
+        let answer = Controller::new(&scenario("redundant/mtj", &[kind])).respond(&asked).unwrap();
         assert_close(&answer.force, force, kind);
         for (j, found) in answer.torque[..3].iter().enumerate() {
             let expected = column(j)[0] * force[0] + column(j)[1] * force[1];

@@ -3,7 +3,7 @@
 mod by_hand;
 
 use by_hand::{
-    Plane, assert_close, controller, desired, jacobian, joints, mix, norm, swinging, tip, times,
+    Plane, assert_close, controller, desired, jacobian, joints, mix, norm, swinging, times, tip,
     tracking_error,
 };
 use mtj_protocol::sample::StateSample;
@@ -56,7 +56,10 @@ fn a_latched_answer_serves_from_the_next_sample_to_the_next_multiple() {
 #[test]
 fn applied_and_delivered_come_from_the_plant() {
     for (policy, of_plant) in [
-        ("law.memory.policy=applied", (|s| [s.applied[0], s.applied[1]]) as fn(&StateSample) -> Plane),
+        (
+            "law.memory.policy=applied",
+            (|s| [s.applied[0], s.applied[1]]) as fn(&StateSample) -> Plane,
+        ),
         ("law.memory.policy=delivered", |s| [s.delivered[0], s.delivered[1]]),
     ] {
         let mut controller = trusting(&[policy]);
@@ -80,7 +83,8 @@ fn a_standby_controller_answers_as_the_old_one_would_from_its_second_sample_on()
             old.respond(&echoing(10 * k)).unwrap();
         }
         let state = echoing(300);
-        let differs = old.respond(&state).unwrap().torque != standby.respond(&state).unwrap().torque;
+        let differs =
+            old.respond(&state).unwrap().torque != standby.respond(&state).unwrap().torque;
         assert!(differs, "its first answer is plain tj");
         for k in 31..60 {
             let state = echoing(10 * k);

@@ -129,7 +129,8 @@ fn the_last_of_two_settings_of_a_key_counts() {
     assert_eq!(kp(&[]), 30.0);
     assert_eq!(kp(&["law.kp=50", "law.kp=70"]), 70.0);
     assert_eq!(kp(&["law.kp=70", "law.kp=50"]), 50.0);
-    let bus = overridden("sampled/mtj", &["bus={kind = \"zenoh\", wait = \"spin\"}", "bus.wait=block"]);
+    let bus =
+        overridden("sampled/mtj", &["bus={kind = \"zenoh\", wait = \"spin\"}", "bus.wait=block"]);
     assert_eq!(bus.unwrap().bus.wait, Wait::Block);
 }
 
@@ -171,7 +172,10 @@ fn a_refusal_names_origin_key_and_value() {
         ("law.kd=[[1.0, 2.0], [2.0, 1.0]]", &["law.kd", "positive definite"]),
         ("law.memory.step=25ms", &["law.memory.step = \"25ms\"", "multiple", "10 ms"]),
         ("law.memory.step=5ms", &["law.memory.step = \"5ms\"", "at least 10 ms"]),
-        ("law.memory.policy=forgotten", &["law.memory.policy", "\"sent\", \"applied\", \"delivered\""]),
+        (
+            "law.memory.policy=forgotten",
+            &["law.memory.policy", "\"sent\", \"applied\", \"delivered\""],
+        ),
         ("law.factor.error=0", &["law.factor.error = 0", "greater than 0"]),
         ("law.factor.error=[1.0, 2.0]", &["law.factor.error", "one number, unless kind"]),
         ("law.prediction.horizon=soon", &["law.prediction.horizon = \"soon\"", "measured"]),
@@ -245,7 +249,8 @@ fn a_setting_that_reaches_nowhere_is_refused() {
 #[test]
 fn a_bus_alone_is_read_with_the_same_care() {
     let table = |text: &str| text.parse::<toml::Table>().unwrap();
-    let text = "kind = 'zenoh'\nlisten = ['tcp/127.0.0.1:1', 'udp/[::1]:2#iface=lo']\nwait = 'spin'";
+    let text =
+        "kind = 'zenoh'\nlisten = ['tcp/127.0.0.1:1', 'udp/[::1]:2#iface=lo']\nwait = 'spin'";
     let bus = BusSettings::from_table("here", table(text)).unwrap();
     assert_eq!((bus.kind, bus.wait), (BusKind::Zenoh, Wait::Spin));
     assert_eq!(bus.listen_endpoints(), ["tcp/127.0.0.1:1", "udp/[::1]:2#iface=lo"]);

@@ -72,8 +72,7 @@ fn newton_euler(scenario: &Scenario, q: &[f64], v: &[f64], a: &[f64]) -> Vec<f64
         rate_change += a[i];
         let along: Vector2<f64> = Vector2::new(angle.cos(), angle.sin());
         let at = |distance: f64| {
-            joint_acceleration
-                + (turned(along) * rate_change - along * (rate * rate)) * distance
+            joint_acceleration + (turned(along) * rate_change - along * (rate * rate)) * distance
         };
         let inertial = (at(link.center) * link.mass, link.inertia * rate_change);
         let next = at(link.length);
@@ -204,7 +203,8 @@ fn the_error_shrinks_sixteenfold_when_the_step_halves() {
     };
     let exact = after("100us");
     let error = |step| {
-        let difference = after(step).iter().zip(&exact).take(4).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+        let difference =
+            after(step).iter().zip(&exact).take(4).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
         difference.sqrt()
     };
     let (coarse, middle, fine) = (error("10ms"), error("5ms"), error("2500us"));
@@ -232,7 +232,8 @@ fn an_interval_that_is_no_multiple_of_the_step_is_divided_evenly() {
 #[test]
 fn work_that_is_never_negative_equals_the_kinetic_energy_gained() {
     // H(q) (1, 1): both joints speed up together, from rest.
-    let scenario = scenario("sampled/mtj", &["arm.velocity=[0.0, 0.0]", "timing.integration_step=100us"]);
+    let scenario =
+        scenario("sampled/mtj", &["arm.velocity=[0.0, 0.0]", "timing.integration_step=100us"]);
     let [h11, h12, h22] = TwoLinks::inertia(std::f64::consts::FRAC_PI_2);
     let held = [h11 + h12, h12 + h22];
     let mut arm = simulator(&scenario);

@@ -10,15 +10,17 @@ use std::{
     time::{Duration, Instant},
 };
 
+use ::zenoh::Wait as _;
 use mtj_model::scenario::{BusSettings, Override, Scenario, Wait, built_in};
 use mtj_protocol::{
     bus::{AnyBus, Bus, Depth, Reader, Role, Writer, receive},
     codec::{Offer, encode_offer},
     local::LocalBus,
-    port::{Answer, ControllerPort, Exchange, Heard, Message, MonitorPort, PlantPort, fetch_scenario},
+    port::{
+        Answer, ControllerPort, Exchange, Heard, Message, MonitorPort, PlantPort, fetch_scenario,
+    },
     sample::{ErrorSample, Header, Sample, StateSample, StatusSample, TorqueSample, VERSION},
 };
-use ::zenoh::Wait as _;
 
 /// A way to make buses of one session: what the suite is generic over.
 trait Rig: Sync {
@@ -137,7 +139,15 @@ const RUN: u64 = 77;
 
 fn header(sequence: u64) -> Header {
     let time_ns = sequence.wrapping_mul(1_000_000);
-    Header { version: VERSION, joints: 2, axes: 2, run: RUN, sequence, time_ns, ..Header::default() }
+    Header {
+        version: VERSION,
+        joints: 2,
+        axes: 2,
+        run: RUN,
+        sequence,
+        time_ns,
+        ..Header::default()
+    }
 }
 
 fn state(sequence: u64) -> StateSample {
@@ -204,7 +214,8 @@ fn the_latest_value_wins_and_is_read_once<R: Rig>() {
             thread::sleep(Duration::from_micros(100));
         }
         // When the stream has the last one, so has the process; its other reader is a moment away.
-        while receive(&mut *stream, Wait::Block, soon()).unwrap().unwrap().header.sequence != last {}
+        while receive(&mut *stream, Wait::Block, soon()).unwrap().unwrap().header.sequence != last {
+        }
         thread::sleep(Duration::from_millis(50));
         assert_eq!(latest.take().unwrap().map(|found| found.header.sequence), Some(last));
         assert_eq!(latest.take().unwrap(), None, "only once");

@@ -113,10 +113,7 @@ pub fn acceleration([_, q2]: Plane, [v1, v2]: Plane, torque: Plane) -> Plane {
 /// J̇ q̇: how the tip accelerates when no joint does.
 pub fn bend([q1, q2]: Plane, [v1, v2]: Plane) -> Plane {
     let outer = (v1 + v2) * (v1 + v2);
-    [
-        -v1 * v1 * q1.cos() - outer * (q1 + q2).cos(),
-        -v1 * v1 * q1.sin() - outer * (q1 + q2).sin(),
-    ]
+    [-v1 * v1 * q1.cos() - outer * (q1 + q2).cos(), -v1 * v1 * q1.sin() - outer * (q1 + q2).sin()]
 }
 
 /// Fails unless the leading two entries of `found` are `expected`, to rounding.
