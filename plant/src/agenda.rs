@@ -28,6 +28,12 @@ impl Event {
             Self::Sample => 3,
         }
     }
+
+    /// Whether the arm is looked at or acted on. What merely travels must not divide an integration
+    /// step, so that a latency gives the same trajectory, bit for bit, in whichever direction it is.
+    pub fn concerns_the_arm(&self) -> bool {
+        !matches!(self, Self::Deliver(_))
+    }
 }
 
 /// Future events; [`Agenda::pop`] gives the earliest, then the lowest rank, then the oldest entry.

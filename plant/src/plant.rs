@@ -159,17 +159,24 @@ impl<'a> Plant<'a> {
             if self.is_realtime() && self.listen_until(next)? {
                 continue; // Something came that may be due earlier.
             }
-            self.simulator.advance(next, self.actuator.drive());
-            self.diverged = self.simulator.has_diverged();
             if next == end_ns {
+                self.advance(end_ns);
                 break;
             }
             if let Some((time_ns, event)) = self.agenda.pop() {
+                if event.concerns_the_arm() {
+                    self.advance(time_ns);
+                }
                 self.handle(time_ns, event)?;
             }
         }
         self.settle();
         self.report_status(2)
+    }
+
+    fn advance(&mut self, time_ns: u64) {
+        self.simulator.advance(time_ns, self.actuator.drive());
+        self.diverged = self.simulator.has_diverged();
     }
 
     fn handle(&mut self, time_ns: u64, event: Event) -> Result<(), BusError> {

@@ -131,6 +131,15 @@ pub enum AnyBus {
 }
 
 impl AnyBus {
+    /// Whether the bus could be joined, as far as that is known without doing so.
+    pub fn check(settings: &BusSettings) -> Result<(), BusError> {
+        match settings.kind {
+            #[cfg(feature = "zenoh")]
+            BusKind::Zenoh => ZenohBus::check(settings),
+            _ => Ok(()),
+        }
+    }
+
     /// Joins the bus that the settings name. On Zenoh everyone but the plant waits for somebody to
     /// connect to, as long as `proceed` says so; `None` when it no longer does.
     pub fn open(

@@ -53,15 +53,21 @@ impl ZenohBus {
                 Ok(session) => break session,
                 Err(error) if role == Role::Plant => {
                     return Err(BusError::Settings(format!(
-                        "bus.listen = {} cannot be listened on, perhaps because the port is in use ({error}); \
+                        "bus.listen = {} cannot be listened on, perhaps because the port is in use ({}); \
                          choose another with --listen",
-                        settings.listen_endpoints().join(", ")
+                        settings.listen_endpoints().join(", "),
+                        in_one_line(&error)
                     )));
                 }
                 Err(_) => thread::sleep(RETRY),
             }
         };
         Ok(Some(Self { session, prefix: format!("mtj/{}", settings.session) }))
+    }
+
+    /// Whether the settings make a Zenoh configuration.
+    pub fn check(settings: &BusSettings) -> Result<(), BusError> {
+        configure(settings, Role::Plant).map(drop)
     }
 
     fn key(&self, topic: &str) -> String {
@@ -72,12 +78,14 @@ impl ZenohBus {
 /// The session's configuration: the user's file if there is one, ours over it where it speaks of
 /// what the user said on the command line or in the scenario.
 fn configure(settings: &BusSettings, role: Role) -> Result<Config, BusError> {
-    let refuse =
-        |error: zenoh::Error| BusError::Settings(format!("the Zenoh configuration: {error}"));
+    let refuse = |error: zenoh::Error| {
+        BusError::Settings(format!("the Zenoh configuration: {}", in_one_line(&error)))
+    };
     let mut config = match &settings.config {
         None => Config::default(),
         Some(path) => Config::from_file(path).map_err(|error| {
-            BusError::Settings(format!("{}: not a Zenoh configuration ({error})", path.display()))
+            let reason = in_one_line(&error);
+            BusError::Settings(format!("{}: not a Zenoh configuration ({reason})", path.display()))
         })?,
     };
     let mut set = |key: &str, value: String| config.insert_json5(key, &value).map_err(refuse);
@@ -193,5 +201,25 @@ impl<Q> Offering for ZenohOffer<Q> {
 }
 
 fn failure(error: zenoh::Error) -> BusError {
-    BusError::Transport(format!("zenoh: {error}"))
+    BusError::Transport(format!("zenoh: {}", in_one_line(&error)))
+}
+
+/// What Zenoh has to say, without line breaks and without the places in its source.
+fn in_one_line(error: &zenoh::Error) -> String {
+    let text = error.to_string();
+    let mut words = text.split_whitespace().peekable();
+    let mut line = String::new();
+    while let Some(word) = words.next() {
+        if word == "at"
+            && let Some(place) = words.next_if(|place| place.contains(".rs:"))
+        {
+            line.extend(place.chars().filter(|c| matches!(c, ']' | ')')));
+            continue;
+        }
+        if !line.is_empty() {
+            line.push(' ');
+        }
+        line.push_str(word);
+    }
+    line
 }

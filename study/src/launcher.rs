@@ -3,16 +3,18 @@
 use std::{
     env, fmt, io,
     net::TcpListener,
+    pin::pin,
     process::{ExitStatus, Stdio},
     time::Duration,
 };
 
 use mtj_model::scenario::{BusKind, Scenario};
 use mtj_plant::{options::ScenarioOptions, report::Report};
+use mtj_protocol::shutdown::Shutdown;
 use tokio::{
     io::AsyncReadExt,
     process::{Child, ChildStdin, Command},
-    time::timeout,
+    time::{sleep, timeout},
 };
 
 /// How long a role may take to end after it was asked to.
@@ -103,15 +105,23 @@ impl Launch {
         };
         let mut output = String::new();
         let mut results = plant.process.stdout.take().ok_or(LaunchError::NoReport)?;
+        // Read by one future from first to last: one that is dropped loses what it has read.
+        let mut plant_is_done = false;
+        let mut reading = pin!(results.read_to_string(&mut output));
         let ended_first = tokio::select! {
-            read = results.read_to_string(&mut output) => read.map(|_| None)?,
+            read = &mut reading => {
+                read?;
+                plant_is_done = true;
+                None
+            }
             status = controller.process.wait() => Some(("controller", status?)),
             status = ended(&mut monitor) => Some(("monitor", status?)),
+            () = asked_to_stop() => None,
         };
-        if ended_first.is_some() {
+        if !plant_is_done {
             // On Ctrl-C every role gets the signal, so that who ends first is no failure.
             plant.leash = None;
-            results.read_to_string(&mut output).await?;
+            reading.await?;
         }
         let status = plant.end().await?;
         controller.end().await?;
@@ -192,6 +202,14 @@ impl RoleProcess {
                 Ok(None)
             }
         }
+    }
+}
+
+/// When this program alone is asked to stop, as by a service manager: from a terminal, the roles are
+/// asked too.
+async fn asked_to_stop() {
+    while Shutdown.proceed() {
+        sleep(Duration::from_millis(50)).await;
     }
 }
 

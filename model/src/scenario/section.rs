@@ -55,6 +55,13 @@ impl Origin {
         if set { "--set".to_owned() } else { self.name.clone() }
     }
 
+    /// Where a key came from that nobody knows: a key set below it may have brought it in.
+    fn of_unknown(&self, key: &str) -> String {
+        let below =
+            |path: &String| path.strip_prefix(key).is_some_and(|rest| rest.starts_with(['.', '[']));
+        if self.overridden.iter().any(below) { "--set".to_owned() } else { self.of(key) }
+    }
+
     /// An error about the text as a whole.
     pub fn refuse(&self, expected: impl fmt::Display) -> ScenarioError {
         ScenarioError {
@@ -95,7 +102,7 @@ impl<'a> Section<'a> {
             Some(unknown) => {
                 let key = self.key(unknown);
                 Err(ScenarioError {
-                    origin: self.origin.of(&key),
+                    origin: self.origin.of_unknown(&key),
                     value: Some(short(&self.table[unknown])),
                     expected: format!(
                         "one of the known keys {} (there is no key '{unknown}' here)",

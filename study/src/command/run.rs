@@ -6,7 +6,7 @@ use mtj_plant::{
     options::{OutputOptions, ScenarioOptions},
     report::Report,
 };
-use mtj_protocol::shutdown::Shutdown;
+use mtj_protocol::{bus::AnyBus, shutdown::Shutdown};
 
 use super::Failure;
 use crate::{experiment, launcher::Launch};
@@ -42,6 +42,7 @@ impl Run {
 
 /// Runs the roles as processes on a runtime of their own.
 pub fn launch_roles(launch: Launch, scenario: &Scenario) -> Result<Report, Failure> {
+    AnyBus::check(&scenario.bus)?; // Said once here, not by each role.
     Shutdown::on_signals(); // The roles stop by themselves; this process waits for them.
     let launch = launch.separate(scenario)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;

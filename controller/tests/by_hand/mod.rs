@@ -1,0 +1,130 @@
+//! The paper's two links and its path, worked out here in the textbook's joint coordinates: nothing
+//! is taken from the crates under test but the samples themselves.
+
+#![allow(dead_code, reason = "each test file takes what it needs")]
+#![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
+
+use mtj_controller::Controller;
+use mtj_model::scenario::{Override, Scenario, built_in};
+use mtj_protocol::sample::{Header, StateSample, VERSION, padded};
+
+/// A vector in the plane.
+pub type Plane = [f64; 2];
+
+const MASS: Plane = [4.0, 3.0];
+const INERTIA: Plane = [0.333, 0.30];
+
+/// The built-in scenario with some keys set.
+pub fn scenario(name: &str, sets: &[&str]) -> Scenario {
+    let sets: Vec<Override> = sets.iter().map(|set| set.parse().unwrap()).collect();
+    Scenario::parse(name, built_in(name).unwrap(), &sets).unwrap()
+}
+
+/// A controller for the two links with some keys set.
+pub fn controller(sets: &[&str]) -> Controller {
+    Controller::new(&scenario("sampled/mtj", sets))
+}
+
+/// A state of the two links at a time in ms.
+pub fn state(time_ms: u64, q: Plane, v: Plane) -> StateSample {
+    let header = Header {
+        version: VERSION,
+        joints: 2,
+        axes: 2,
+        run: 1,
+        sequence: time_ms,
+        time_ns: time_ms * 1_000_000,
+        ..Header::default()
+    };
+    StateSample { header, position: padded(&q), velocity: padded(&v), ..Default::default() }
+}
+
+/// Some motion of the joints, so that samples differ.
+pub fn swinging(time_ms: u64) -> StateSample {
+    let t = time_ms as f64 * 1e-3;
+    state(time_ms, [0.1 + 0.7 * t, 1.4 - 0.3 * t], [1.2 - 2.0 * t, -0.8 + 3.0 * t * t])
+}
+
+/// Where the tip is.
+pub fn tip([q1, q2]: Plane) -> Plane {
+    [q1.cos() + (q1 + q2).cos(), q1.sin() + (q1 + q2).sin()]
+}
+
+/// The rows of J.
+pub fn jacobian([q1, q2]: Plane) -> [Plane; 2] {
+    let (s1, c1, s12, c12) = (q1.sin(), q1.cos(), (q1 + q2).sin(), (q1 + q2).cos());
+    [[-s1 - s12, -s12], [c1 + c12, c12]]
+}
+
+/// A x.
+pub fn times(a: [Plane; 2], x: Plane) -> Plane {
+    [a[0][0] * x[0] + a[0][1] * x[1], a[1][0] * x[0] + a[1][1] * x[1]]
+}
+
+/// Aᵀ x.
+pub fn transpose_times(a: [Plane; 2], x: Plane) -> Plane {
+    [a[0][0] * x[0] + a[1][0] * x[1], a[0][1] * x[0] + a[1][1] * x[1]]
+}
+
+/// a x + b y.
+pub fn mix(a: f64, x: Plane, b: f64, y: Plane) -> Plane {
+    [a * x[0] + b * y[0], a * x[1] + b * y[1]]
+}
+
+/// ‖x‖.
+pub fn norm(x: Plane) -> f64 {
+    x[0].hypot(x[1])
+}
+
+/// The desired position, velocity and acceleration of eq. (18) with ω = 1 at a time in s.
+pub fn desired(t: f64) -> [Plane; 3] {
+    let (radius, angle) = (2f64.sqrt(), t + std::f64::consts::FRAC_PI_4);
+    let (x, y) = (radius * angle.cos(), radius * angle.sin());
+    let ripple = 0.1 * (5.0 * t).sin();
+    let rate = 0.5 * (5.0 * t).cos();
+    let change = -2.5 * (5.0 * t).sin();
+    [[x + ripple, y + ripple], [-y + rate, x + rate], [-x + change, -y + change]]
+}
+
+/// e and ė of a state against the desired motion at its own time.
+pub fn tracking_error(state: &StateSample) -> (Plane, Plane) {
+    let (q, v) = joints(state);
+    let [position, velocity, _] = desired(state.header.time_ns as f64 * 1e-9);
+    (mix(1.0, position, -1.0, tip(q)), mix(1.0, velocity, -1.0, times(jacobian(q), v)))
+}
+
+/// q and q̇ of a state.
+pub fn joints(state: &StateSample) -> (Plane, Plane) {
+    ([state.position[0], state.position[1]], [state.velocity[0], state.velocity[1]])
+}
+
+/// q̈ of the two links under a torque, from H and C in joint coordinates.
+pub fn acceleration([_, q2]: Plane, [v1, v2]: Plane, torque: Plane) -> Plane {
+    let h11 = INERTIA[0] + INERTIA[1] + MASS[0] * 0.25 + MASS[1] * (1.25 + q2.cos());
+    let h12 = INERTIA[1] + MASS[1] * (0.25 + 0.5 * q2.cos());
+    let h22 = INERTIA[1] + MASS[1] * 0.25;
+    let swing = MASS[1] * 0.5 * q2.sin();
+    let f1 = torque[0] + swing * v2 * (2.0 * v1 + v2);
+    let f2 = torque[1] - swing * v1 * v1;
+    let determinant = h11 * h22 - h12 * h12;
+    [(h22 * f1 - h12 * f2) / determinant, (h11 * f2 - h12 * f1) / determinant]
+}
+
+/// J̇ q̇: how the tip accelerates when no joint does.
+pub fn bend([q1, q2]: Plane, [v1, v2]: Plane) -> Plane {
+    let outer = (v1 + v2) * (v1 + v2);
+    [-v1 * v1 * q1.cos() - outer * (q1 + q2).cos(), -v1 * v1 * q1.sin() - outer * (q1 + q2).sin()]
+}
+
+/// Fails unless the leading two entries of `found` are `expected`, to rounding.
+pub fn assert_close(found: &[f64], expected: Plane, what: &str) {
+    for i in 0..2 {
+        let scale = expected[i].abs().max(1.0);
+        assert!(
+            (found[i] - expected[i]).abs() < 1e-11 * scale,
+            "{what}: {:?} is not {expected:?}",
+            &found[..2]
+        );
+    }
+    assert!(found[2..].iter().all(|rest| *rest == 0.0), "{what}: nothing past the count");
+}

@@ -1,0 +1,268 @@
+//! Scenarios: what is accepted, what is refused, and what the refusal says.
+
+#![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
+
+use std::time::Duration;
+
+use mtj_model::{
+    gains::Gains,
+    scenario::{
+        BUILT_IN, BusKind, BusSettings, ClockKind, FactorKind, Horizon, LawKind, MemoryPolicy,
+        OnTimeout, Override, Scenario, ScenarioError, Wait, built_in,
+    },
+};
+
+fn overridden(name: &str, sets: &[&str]) -> Result<Scenario, ScenarioError> {
+    let sets: Vec<Override> = sets.iter().map(|set| set.parse().unwrap()).collect();
+    Scenario::parse(name, built_in(name).unwrap(), &sets)
+}
+
+fn refusal(sets: &[&str]) -> String {
+    overridden("sampled/mtj", sets).unwrap_err().to_string()
+}
+
+/// A refusal is one sentence that names where the value came from, the key and the value.
+fn assert_refused(set: &str, words: &[&str]) {
+    let sentence = refusal(&[set]);
+    assert!(!sentence.contains('\n'), "one line: {sentence}");
+    for word in ["--set"].iter().chain(words) {
+        assert!(sentence.contains(word), "'{word}' is not in the refusal of {set}: {sentence}");
+    }
+}
+
+#[test]
+fn every_built_in_scenario_is_acceptable_and_named_after_its_law() {
+    assert_eq!(BUILT_IN.len(), 16);
+    for (name, text) in BUILT_IN {
+        let scenario = Scenario::load(name, &[]).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(scenario.name, *name);
+        assert_eq!(scenario.duration, Duration::from_secs(20), "{name}");
+        let law = scenario.law.kind.name();
+        let (_, end) = name.split_once('/').unwrap();
+        assert!(end.split('-').any(|part| part == law), "{name} runs {law}");
+        assert!(text.starts_with("# "), "{name} says in its first line what it is");
+        assert_eq!(scenario.noise, if name.contains("fig5") { 0.02 } else { 0.0 }, "{name}");
+    }
+}
+
+#[test]
+fn the_papers_scenarios_have_the_papers_settings() {
+    for (name, kp, kd, omega) in [
+        ("paper/fig2-tj", 60.0, 120.0, 0.05),
+        ("paper/fig3-tj", 60.0, 120.0, 2.0),
+        ("paper/fig4-tj", 150.0, 300.0, 1.0),
+        ("paper/fig4-mtj", 30.0, 60.0, 1.0),
+        ("paper/fig4-mb", 8.0, 4.0, 1.0),
+        ("paper/fig4-mb-perturbed", 30.0, 60.0, 1.0),
+    ] {
+        let scenario = Scenario::load(name, &[]).unwrap();
+        let diagonal = |gains: Gains<f64, 2>| gains.matrix().diagonal()[0];
+        if name.contains("fig4") {
+            assert_eq!((diagonal(scenario.law.kp), diagonal(scenario.law.kd)), (kp, kd), "{name}");
+        }
+        let rate = (scenario.trajectory.at(1e-6).velocity - scenario.trajectory.at(0.0).velocity)
+            .norm()
+            / 1e-6;
+        let expected = scenario.trajectory.at(0.0).acceleration.norm();
+        assert!((rate - expected).abs() < 1e-3 * (1.0 + expected), "{name}");
+        assert!((expected - omega * omega * 2f64.sqrt()).abs() < 1e-9, "ω = {omega} in {name}");
+        assert_eq!(scenario.timing.sample_period, Duration::from_micros(500), "{name}");
+        assert_eq!(scenario.timing.clock, ClockKind::Lockstep, "{name}");
+    }
+}
+
+#[test]
+fn absent_keys_have_the_documented_defaults() {
+    let scenario = overridden("sampled/mtj", &[]).unwrap();
+    assert_eq!(scenario.law.memory.step, scenario.timing.sample_period);
+    assert_eq!(scenario.law.prediction, None);
+    assert_eq!(scenario.law.mass_scale, 1.0);
+    assert!(!scenario.law.acceleration);
+    assert_eq!(scenario.link.state.latency, Duration::ZERO);
+    assert_eq!(scenario.safety.command_timeout, None);
+    assert_eq!(scenario.safety.torque_limit, [f64::INFINITY; 2]);
+    assert_eq!((scenario.bus.wait, scenario.bus.session.as_str()), (Wait::Block, "default"));
+    assert_eq!(scenario.bus.scouting, None);
+    assert_eq!(scenario.arm.gravity.norm(), 0.0);
+}
+
+#[test]
+fn any_key_can_be_set() {
+    let scenario = overridden(
+        "sampled/mtj",
+        &[
+            "law.memory.policy=delivered",
+            "law.memory.step=30ms",
+            "law.prediction.horizon=measured",
+            "law.factor.kind=diagonal",
+            "law.factor.error=[0.5, 0.25]",
+            "law.kp=[[30.0, 1.0], [1.0, 40.0]]",
+            "link.torque.latency=1ms",
+            "arm.links[0].mass=5.5",
+            "arm.links[1].center=0.25",
+            "arm.position[1]=0.5",
+            "safety.on_timeout=damp",
+            "safety.damping=3",
+            "bus.kind=zenoh",
+            "sensor.noise=0.02",
+            "seed=42",
+        ],
+    )
+    .unwrap();
+    assert_eq!(scenario.law.memory.policy, MemoryPolicy::Delivered);
+    assert_eq!(scenario.law.memory.step, Duration::from_millis(30));
+    assert_eq!(scenario.law.prediction, Some(Horizon::Measured));
+    assert_eq!(scenario.law.factor.kind, FactorKind::Diagonal);
+    assert_eq!(scenario.law.factor.error.as_slice(), [0.5, 0.25]);
+    assert_eq!(scenario.law.kp.matrix().transpose().as_slice(), [30.0, 1.0, 1.0, 40.0]);
+    assert_eq!(scenario.link.torque.latency, Duration::from_millis(1));
+    assert_eq!((scenario.arm.links[0].mass, scenario.arm.links[1].mass), (5.5, 3.0));
+    assert_eq!(scenario.arm.links[1].center, 0.25);
+    assert_eq!(scenario.arm.position, [0.03, 0.5]);
+    assert_eq!(scenario.safety.on_timeout, OnTimeout::Damp(3.0));
+    assert_eq!((scenario.bus.kind, scenario.noise, scenario.seed), (BusKind::Zenoh, 0.02, 42));
+}
+
+#[test]
+fn the_last_of_two_settings_of_a_key_counts() {
+    let kp = |sets: &[&str]| overridden("sampled/mtj", sets).unwrap().law.kp.matrix()[(0, 0)];
+    assert_eq!(kp(&[]), 30.0);
+    assert_eq!(kp(&["law.kp=50", "law.kp=70"]), 70.0);
+    assert_eq!(kp(&["law.kp=70", "law.kp=50"]), 50.0);
+    let bus =
+        overridden("sampled/mtj", &["bus={kind = \"zenoh\", wait = \"spin\"}", "bus.wait=block"]);
+    assert_eq!(bus.unwrap().bus.wait, Wait::Block);
+}
+
+#[test]
+fn a_scenario_survives_being_shown_and_read_again() {
+    for (name, _) in BUILT_IN {
+        let scenario = overridden(name, &[]).unwrap();
+        assert_eq!(Scenario::parse(name, scenario.text(), &[]).unwrap(), scenario, "as it is");
+        let sets = ["arm.links[1].mass=2.5", "link.state.latency=\"3 ms\"", "bus.session=abc"];
+        let changed = overridden(name, &sets).unwrap();
+        let read = Scenario::parse(name, changed.text(), &[]).unwrap();
+        assert_eq!(read, changed, "{name} with settings");
+        assert_eq!(read.arm.links[1].mass, 2.5);
+    }
+}
+
+#[test]
+fn a_refusal_names_origin_key_and_value() {
+    for (set, words) in [
+        ("law.kind=pid", &["law.kind = \"pid\"", "\"tj\", \"mtj\", \"mb\""][..]),
+        ("law.gain=3", &["law.gain = 3", "no key 'gain'", "kp"]),
+        ("speed=3", &["speed = 3", "no key 'speed'", "duration"]),
+        ("arm.links[1].mass=-3", &["arm.links[1].mass = -3", "mass in kg greater than 0"]),
+        ("arm.links[0].length=0.0", &["arm.links[0].length = 0.0", "length in m"]),
+        ("arm.links[0].inertia=nan", &["arm.links[0].inertia = nan", "inertia"]),
+        ("arm.links=[]", &["arm.links", "1 to 7 links"]),
+        ("arm.position=[0.0, 0.0]", &["arm.position", "singular"]),
+        ("arm.position=[0.3, 3.141592653589793]", &["arm.position", "singular"]),
+        ("arm.position=[1.0, 2.0, 3.0]", &["arm.position", "2 numbers"]),
+        ("timing.sample_period=0s", &["timing.sample_period = \"0s\"", "at least"]),
+        ("timing.sample_period=0 s", &["timing.sample_period = \"0 s\"", "at least"]),
+        ("timing.sample_period=10", &["timing.sample_period = 10", "unit"]),
+        ("timing.sample_period=10 lightyears", &["10 lightyears", "ns, us, ms, s"]),
+        ("timing.sample_period=21s", &["timing.sample_period", "no more than the duration"]),
+        ("timing.clock=sundial", &["timing.clock = \"sundial\"", "lockstep", "realtime"]),
+        ("law.kp=[1.0, 2.0, 3.0]", &["law.kp", "list of 2"]),
+        ("law.kp=[[1.0, 0.0], [0.0]]", &["law.kp", "2 rows of 2"]),
+        ("law.kp=-30", &["law.kp = -30", "positive definite"]),
+        ("law.kd=[[1.0, 2.0], [2.0, 1.0]]", &["law.kd", "positive definite"]),
+        ("law.memory.step=25ms", &["law.memory.step = \"25ms\"", "multiple", "10 ms"]),
+        ("law.memory.step=5ms", &["law.memory.step = \"5ms\"", "at least 10 ms"]),
+        (
+            "law.memory.policy=forgotten",
+            &["law.memory.policy", "\"sent\", \"applied\", \"delivered\""],
+        ),
+        ("law.factor.error=0", &["law.factor.error = 0", "greater than 0"]),
+        ("law.factor.error=[1.0, 2.0]", &["law.factor.error", "one number, unless kind"]),
+        ("law.prediction.horizon=soon", &["law.prediction.horizon = \"soon\"", "measured"]),
+        ("law.model.mass_scale=0", &["law.model.mass_scale = 0", "greater than 0"]),
+        ("link.torque.latency=-1ms", &["link.torque.latency = \"-1ms\"", "at least 0 s"]),
+        ("link.torqe.latency=1ms", &["link.torqe", "no key 'torqe'"]),
+        ("sensor.noise=-0.1", &["sensor.noise = -0.1", "0 or more"]),
+        ("bus.kind=carrier-pigeon", &["bus.kind", "iceoryx2"]),
+        ("bus.session=a b", &["bus.session = \"a b\"", "letters, digits"]),
+        ("bus.listen=127.0.0.1:7447", &["bus.listen", "tcp/127.0.0.1:7447"]),
+        ("bus.connect=tcp/127.0.0.1:99999", &["bus.connect", "endpoint"]),
+        ("safety.torque_limit=[1.0, 0.0]", &["safety.torque_limit", "greater than 0"]),
+        ("safety.command_timeout=0s", &["safety.command_timeout", "at least 1 ns"]),
+        ("safety.on_timeout=panic", &["safety.on_timeout", "\"hold\", \"zero\", \"damp\""]),
+        ("seed=-1", &["seed = -1", "0 or more"]),
+        ("duration=0s", &["duration = \"0s\"", "at least 1 ms"]),
+        ("trajectory.radius=-1", &["trajectory.radius = -1", "greater than 0"]),
+        ("trajectory.kind=spiral", &["trajectory.kind = \"spiral\"", "perturbed-circle"]),
+    ] {
+        assert_refused(set, words);
+    }
+}
+
+#[test]
+fn a_value_of_the_file_is_refused_in_the_files_name() {
+    let text = built_in("sampled/mtj").unwrap().replace("kp = 30", "kp = 0");
+    let sentence = Scenario::parse("my/own.toml", &text, &[]).unwrap_err().to_string();
+    assert!(sentence.starts_with("my/own.toml: law.kp = 0 is not accepted"), "{sentence}");
+    let text = built_in("sampled/mtj").unwrap().replace("kp = 30", "");
+    let sentence = Scenario::parse("my/own.toml", &text, &[]).unwrap_err().to_string();
+    assert!(sentence.starts_with("my/own.toml: law.kp is missing"), "{sentence}");
+    // What was set elsewhere does not change who is to blame.
+    let sets = ["law.kd=50".parse().unwrap()];
+    let sentence = Scenario::parse("my/own.toml", &text, &sets).unwrap_err().to_string();
+    assert!(sentence.starts_with("my/own.toml: law.kp is missing"), "{sentence}");
+}
+
+#[test]
+fn text_that_is_not_toml_is_refused_with_its_line() {
+    let text = "duration = \"20 s\"\nseed = 1\n[arm\nkind = \"planar\"\n";
+    let sentence = Scenario::parse("torn.toml", text, &[]).unwrap_err().to_string();
+    assert!(sentence.starts_with("torn.toml: line 3 is not TOML"), "{sentence}");
+    assert!(!sentence.contains('\n'), "one line: {sentence}");
+}
+
+#[test]
+fn a_scenario_that_is_neither_built_in_nor_a_file_is_refused_by_name() {
+    let sentence = Scenario::load("sampled/pid", &[]).unwrap_err().to_string();
+    for word in ["--scenario", "'sampled/pid'", "mtj scenario list"] {
+        assert!(sentence.contains(word), "'{word}' in: {sentence}");
+    }
+}
+
+#[test]
+fn a_setting_that_reaches_nowhere_is_refused() {
+    for (set, words) in [
+        ("arm.links[5].mass=1", &["arm.links[5].mass", "not a list that long"][..]),
+        ("arm.links[x].mass=1", &["arm.links[x].mass"]),
+        ("arm.links.mass=1", &["arm.links.mass"]),
+        ("duration.seconds=1", &["duration.seconds", "not a table"]),
+        ("arm.position[2]=1.0", &["arm.position[2]", "not a list that long"]),
+    ] {
+        assert_refused(set, words);
+    }
+    for text in ["law.kp", "=3", ""] {
+        let sentence = text.parse::<Override>().unwrap_err().to_string();
+        assert!(sentence.contains("--set") && sentence.contains("KEY=VALUE"), "{sentence}");
+    }
+}
+
+#[test]
+fn a_bus_alone_is_read_with_the_same_care() {
+    let table = |text: &str| text.parse::<toml::Table>().unwrap();
+    let text =
+        "kind = 'zenoh'\nlisten = ['tcp/127.0.0.1:1', 'udp/[::1]:2#iface=lo']\nwait = 'spin'";
+    let bus = BusSettings::from_table("here", table(text)).unwrap();
+    assert_eq!((bus.kind, bus.wait), (BusKind::Zenoh, Wait::Spin));
+    assert_eq!(bus.listen_endpoints(), ["tcp/127.0.0.1:1", "udp/[::1]:2#iface=lo"]);
+    assert_eq!(bus.connect_endpoints(), bus.listen_endpoints(), "where the plant listens");
+    let refused = BusSettings::from_table("here", table("listen = 'tcp/nowhere'")).unwrap_err();
+    assert!(refused.to_string().starts_with("here: bus.listen = \"tcp/nowhere\""), "{refused}");
+}
+
+#[test]
+fn only_mb_is_refused_on_a_redundant_arm() {
+    for (law, accepted) in [(LawKind::Tj, true), (LawKind::Mtj, true), (LawKind::Mb, false)] {
+        let found = overridden("redundant/mtj", &[&format!("law.kind={}", law.name())]);
+        assert_eq!(found.is_ok(), accepted, "{law:?}");
+    }
+}

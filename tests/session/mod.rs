@@ -1,0 +1,199 @@
+//! Sessions of real processes: starts `mtj`, talks to it as a user does, and leaves nothing behind.
+
+#![allow(dead_code, reason = "each test file takes what it needs")]
+#![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
+
+use std::{
+    collections::BTreeSet,
+    fs::{self, File},
+    net::TcpListener,
+    os::unix::process::CommandExt,
+    path::{Path, PathBuf},
+    process::{self, Child, Command, ExitStatus, Stdio},
+    sync::atomic::{AtomicU64, Ordering},
+    thread,
+    time::{Duration, Instant},
+};
+
+use nix::{
+    sys::signal::{Signal, kill},
+    unistd::Pid,
+};
+
+/// Nothing here takes this long unless it never ends.
+pub const LONG: Duration = Duration::from_secs(60);
+
+/// A session that no other test has, on one bus, with a directory of its own.
+pub struct Session {
+    pub name: String,
+    pub directory: PathBuf,
+    bus: Vec<String>,
+    started: AtomicU64,
+}
+
+impl Session {
+    pub fn on(bus: &str) -> Self {
+        static COUNT: AtomicU64 = AtomicU64::new(0);
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
+        let name = format!("test-{}-{count}", process::id());
+        let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join(&name);
+        fs::create_dir_all(&directory).unwrap();
+        let mut arguments = vec!["--session".to_owned(), name.clone()];
+        if bus == "zenoh" {
+            arguments.extend(["--listen".to_owned(), format!("tcp/127.0.0.1:{}", free_port())]);
+        } else {
+            arguments.extend(["--bus".to_owned(), bus.to_owned()]);
+        }
+        Self { name, directory, bus: arguments, started: AtomicU64::new(0) }
+    }
+
+    /// Starts `mtj` with some arguments, split at blanks, on this session's bus.
+    pub fn start(&self, arguments: &str) -> Running {
+        let bus: Vec<&str> = self.bus.iter().map(String::as_str).collect();
+        self.start_exactly(&[&arguments.split(' ').collect::<Vec<_>>()[..], &bus].concat())
+    }
+
+    /// Starts `mtj` with exactly these arguments, in a process group of its own.
+    pub fn start_exactly(&self, arguments: &[&str]) -> Running {
+        let number = self.started.fetch_add(1, Ordering::Relaxed);
+        let file = |stream| self.directory.join(format!("{number}.{stream}"));
+        let (out, err) = (file("out"), file("err"));
+        let child = Command::new(env!("CARGO_BIN_EXE_mtj"))
+            .args(arguments)
+            .current_dir(&self.directory)
+            .env_remove("RUST_BACKTRACE")
+            .stdin(Stdio::null())
+            .stdout(File::create(&out).unwrap())
+            .stderr(File::create(&err).unwrap())
+            .process_group(0)
+            .spawn()
+            .unwrap();
+        Running { child, out, err, arguments: arguments.join(" ") }
+    }
+
+    /// Runs `mtj` to its end and parses what it prints as JSON.
+    pub fn report(&self, arguments: &str) -> serde_json::Value {
+        let mut run = self.start(arguments);
+        let status = run.wait();
+        assert!(status.success(), "{arguments}: {status}, {}", run.stderr());
+        serde_json::from_str(&run.stdout()).unwrap()
+    }
+
+    /// Processes that name this session on their command line.
+    pub fn processes(&self) -> Vec<u32> {
+        let named = |pid: &u32| {
+            fs::read(format!("/proc/{pid}/cmdline"))
+                .is_ok_and(|line| line.split(|byte| *byte == 0).any(|a| a == self.name.as_bytes()))
+        };
+        let entries = fs::read_dir("/proc").unwrap().flatten();
+        entries.filter_map(|e| e.file_name().to_str()?.parse().ok()).filter(named).collect()
+    }
+
+    /// Waits until `count` processes of the session live.
+    pub fn await_processes(&self, count: usize) -> Vec<u32> {
+        eventually(&format!("{count} processes"), || {
+            let found = self.processes();
+            (found.len() == count).then_some(found)
+        })
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        if !thread::panicking() {
+            let _ = fs::remove_dir_all(&self.directory);
+        }
+    }
+}
+
+/// An `mtj` that was started; ended with the test if it has not ended before.
+pub struct Running {
+    child: Child,
+    out: PathBuf,
+    err: PathBuf,
+    arguments: String,
+}
+
+impl Running {
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    pub fn signal(&self, signal: Signal) {
+        send(self.id(), signal);
+    }
+
+    pub fn stdout(&self) -> String {
+        fs::read_to_string(&self.out).unwrap()
+    }
+
+    pub fn stderr(&self) -> String {
+        fs::read_to_string(&self.err).unwrap()
+    }
+
+    pub fn has_ended(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_some()
+    }
+
+    /// Waits for its end, for a bounded time.
+    pub fn wait(&mut self) -> ExitStatus {
+        let end = Instant::now() + LONG;
+        loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                return status;
+            }
+            assert!(Instant::now() < end, "mtj {} does not end: {}", self.arguments, self.stderr());
+            thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        if matches!(self.child.try_wait(), Ok(None)) {
+            let _ = self.child.kill();
+            let _ = self.child.wait();
+        }
+    }
+}
+
+/// Sends a signal to a process that was started here.
+pub fn send(pid: u32, signal: Signal) {
+    kill(Pid::from_raw(pid as i32), signal).unwrap();
+}
+
+/// Repeats until `attempt` has something, for a bounded time.
+pub fn eventually<T>(what: &str, mut attempt: impl FnMut() -> Option<T>) -> T {
+    let end = Instant::now() + LONG;
+    loop {
+        if let Some(found) = attempt() {
+            return found;
+        }
+        assert!(Instant::now() < end, "{what}: never happened");
+        thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// A port on loopback that nobody listens on.
+pub fn free_port() -> u16 {
+    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
+}
+
+/// Everything in shared memory that was made by one of these processes.
+///
+/// iceoryx2 names what it makes by numbers that hold the maker's process id in bits 64 to 95.
+pub fn shared_memory_of(pids: &[u32]) -> BTreeSet<String> {
+    let made_by_them = |name: &str| {
+        name.split(|c: char| !c.is_ascii_alphanumeric())
+            .filter_map(|part| part.parse::<u128>().ok())
+            .any(|number| pids.contains(&((number >> 64) as u32)))
+    };
+    ["/dev/shm", "/tmp/iceoryx2", "/tmp/iceoryx2/nodes"]
+        .iter()
+        .filter_map(|directory| fs::read_dir(directory).ok())
+        .flatten()
+        .flatten()
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .filter(|name| made_by_them(name))
+        .collect()
+}
