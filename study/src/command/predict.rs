@@ -57,7 +57,7 @@ impl Predict {
                     let prediction = predict::predict(scenario, &proceed)?;
                     let measured = match self.no_measurement {
                         true => None,
-                        false => Some(predict::measure(scenario, &proceed)?),
+                        false => Some(predict::measure(scenario, prediction.latency, &proceed)?),
                     };
                     let line = Line { labels: labels.clone(), prediction, measured };
                     lines.lock().unwrap_or_else(PoisonError::into_inner).push(line);
@@ -143,7 +143,7 @@ fn print_table(names: &[&str], lines: &[Line]) -> io::Result<()> {
                 if (predicted / measured - 1.0).abs() > LINEAR =>
             {
                 apart += 1;
-                "not linear enough"
+                "the mass varies too much along the path"
             }
             _ => "",
         };

@@ -39,6 +39,13 @@ pub struct LinearLoop {
     pub predicts: bool,
 }
 
+/// The largest step matrix whose eigenvalues are computed.
+const LARGEST_MATRIX: usize = 32;
+/// How often a larger one is applied: long enough for all but the slowest mode to die out.
+const ITERATIONS: usize = 16_384;
+/// How often the state is scaled back meanwhile.
+const WINDOW: usize = 64;
+
 /// The loop's state at a sampling instant.
 struct State<'a> {
     x: f64,
@@ -118,8 +125,31 @@ impl LinearLoop {
     }
 
     /// The spectral radius of the step matrix: errors decay if it is below one.
+    ///
+    /// By its eigenvalues while it is small. A latency of many periods makes it large; then by the
+    /// growth of a state that is stepped until only the slowest mode is left.
     pub fn spectral_radius(&self) -> f64 {
-        self.step_matrix().complex_eigenvalues().iter().map(|z| z.norm()).fold(0.0, f64::max)
+        if self.size() <= LARGEST_MATRIX {
+            let eigenvalues = self.step_matrix().complex_eigenvalues();
+            return eigenvalues.iter().map(|z| z.norm()).fold(0.0, f64::max);
+        }
+        let mut state: Vec<f64> = vec![0.0; self.size()];
+        state[0] = 1.0;
+        let mut log_size = 0.0;
+        let mut early = 0.0;
+        for i in 0..ITERATIONS {
+            let (x, v, v_before, echoed) = (state[0], state[1], state[2], state[3]);
+            state = self.step(&State { x, v, v_before, echoed, forces: &state[4..] });
+            if i % WINDOW == WINDOW - 1 {
+                let size = state.iter().map(|entry| entry * entry).sum::<f64>().sqrt();
+                log_size += size.ln();
+                state.iter_mut().for_each(|entry| *entry /= size);
+                if i < ITERATIONS / 2 {
+                    early = log_size;
+                }
+            }
+        }
+        ((log_size - early) / (ITERATIONS / 2) as f64).exp()
     }
 
     /// The largest latency, up to `most`, below which every latency keeps the radius below one, s;
@@ -130,10 +160,9 @@ impl LinearLoop {
             return None;
         }
         // March to the first loss of stability, then close in on it.
-        let stride = (self.period / 50.0).min(most / 200.0);
         let mut below = 0.0;
         while below < most {
-            let above = (below + stride).min(most);
+            let above = (below + self.period / 50.0).max(1.05 * below).min(most);
             if !is_stable(above) {
                 return Some(close_in(below, above, is_stable));
             }
@@ -143,17 +172,101 @@ impl LinearLoop {
     }
 }
 
+/// Halves the way between a stable and an unstable value until nothing but rounding is between them.
 fn close_in(mut below: f64, mut above: f64, is_stable: impl Fn(f64) -> bool) -> f64 {
-    for _ in 0..30 {
+    while above - below > 1e-9 * above {
         let middle = 0.5 * (below + above);
         if is_stable(middle) { below = middle } else { above = middle }
     }
     below
 }
 
+/// How far below one k must stay for a loop with a memory to be stable, to second order in the phases
+/// at crossover, for latencies of less than a period (derived in `docs/latency.md`):
+///
+/// ```text
+/// sent, applied   1 − k > K_p T_s/K_d + K_d d/m
+/// delivered       1 − k > K_p (T_s + d)/K_d + K_d d²/(m (T_s + d))
+/// ```
+pub fn least_leak(law: &LinearLoop, policy: MemoryPolicy) -> f64 {
+    let LinearLoop { mass, kp, kd, period, latency, .. } = *law;
+    match policy {
+        MemoryPolicy::Sent | MemoryPolicy::Applied => kp * period / kd + kd * latency / mass,
+        MemoryPolicy::Delivered => {
+            let lag = period + latency;
+            kp * lag / kd + kd * latency * latency / (mass * lag)
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// k at which the loop is just stable.
+    fn critical_leak(law: &LinearLoop, policy: MemoryPolicy) -> f64 {
+        let is_stable = |leak: f64| {
+            let memory = Some((1.0 - leak, policy));
+            LinearLoop { memory, ..*law }.spectral_radius() < 1.0
+        };
+        1.0 - close_in(0.0, 1.0, |k| is_stable(1.0 - k))
+    }
+
+    #[test]
+    fn the_closed_forms_agree_with_the_matrices() {
+        for (mass, period) in [(1.05, 0.01), (2.0, 0.01), (4.4, 0.01), (1.05, 0.002), (2.0, 0.005)]
+        {
+            for policy in [MemoryPolicy::Sent, MemoryPolicy::Delivered] {
+                for part in [0.0, 0.02, 0.05, 0.1, 0.15] {
+                    let law = LinearLoop {
+                        mass,
+                        kp: 30.0,
+                        kd: 60.0,
+                        period,
+                        latency: part * period,
+                        memory: None,
+                        predicts: false,
+                    };
+                    let (exact, short) = (critical_leak(&law, policy), least_leak(&law, policy));
+                    assert!(
+                        (short / exact - 1.0).abs() < 0.15,
+                        "{law:?} {policy:?}: {short} for {exact}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn without_latency_the_condition_on_k_is_exact_and_free_of_the_mass() {
+        for mass in [0.9, 2.0, 10.0] {
+            let law = LinearLoop {
+                mass,
+                kp: 30.0,
+                kd: 60.0,
+                period: 0.01,
+                latency: 0.0,
+                memory: None,
+                predicts: false,
+            };
+            let bound = (2.0 * law.kd - law.kp * law.period) / (2.0 * law.kd + law.kp * law.period);
+            let exact = 1.0 - critical_leak(&law, MemoryPolicy::Sent);
+            assert!((exact - bound).abs() < 1e-6, "{exact} for {bound}");
+        }
+    }
+
+    #[test]
+    fn with_prediction_a_delivered_memory_is_stable_even_at_k_one() {
+        let radius = |latency, predicts| {
+            let memory = Some((1.0, MemoryPolicy::Delivered));
+            LinearLoop { mass: 2.0, kp: 30.0, kd: 60.0, period: 0.01, latency, memory, predicts }
+                .spectral_radius()
+        };
+        for latency in [0.002, 0.005, 0.01, 0.02] {
+            assert!(radius(latency, true) < 1.0, "{latency}: {}", radius(latency, true));
+            assert!(radius(latency, false) > 1.0);
+        }
+    }
 
     fn paper(latency: f64, k: f64, policy: MemoryPolicy) -> f64 {
         let loop_ = LinearLoop {

@@ -27,10 +27,11 @@ pub fn growth(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Option<
     Ok(Some(((end - middle) / (2 * quarter) as f64).exp()))
 }
 
-/// The smallest latency, up to `most`, at which a small disturbance no longer dies out, s; `None` if it
-/// does not even without latency.
+/// The largest latency, up to `most`, at which a small disturbance still dies out, s, sought from a
+/// guess outwards to 2 %; `None` if it does not even without latency.
 pub fn largest_latency(
     scenario: &Scenario,
+    guess: f64,
     most: f64,
     proceed: &dyn Fn() -> bool,
 ) -> Result<Option<f64>, Failure> {
@@ -40,23 +41,28 @@ pub fn largest_latency(
         let scenario = Scenario::parse(&scenario.name, scenario.text(), &set)?;
         Ok(growth(&scenario, proceed)?.is_some_and(|growth| growth < 1.0))
     };
-    if !is_stable(0.0)? {
-        return Ok(None);
+    let (mut below, mut above) = (0.9 * guess, guess);
+    while !is_stable(below)? {
+        if below < NONE {
+            return Ok(if is_stable(0.0)? { Some(0.0) } else { None });
+        }
+        (below, above) = (0.7 * below, below);
     }
-    let stride = scenario.timing.sample_period.as_secs_f64() / 10.0;
-    let (mut below, mut above) = (0.0, stride.min(most));
     while is_stable(above)? {
         if above >= most {
             return Ok(Some(most));
         }
-        (below, above) = (above, (above * 1.3).min(most));
+        (below, above) = (above, (1.2 * above).min(most));
     }
-    for _ in 0..7 {
+    while above / below > 1.02 {
         let middle = 0.5 * (below + above);
         if is_stable(middle)? { below = middle } else { above = middle }
     }
     Ok(Some(below))
 }
+
+/// A latency as good as none, s.
+const NONE: f64 = 1e-6;
 
 fn distance(a: &Row, b: &Row) -> f64 {
     (a.tip[0] - b.tip[0]).hypot(a.tip[1] - b.tip[1])

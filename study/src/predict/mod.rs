@@ -70,8 +70,13 @@ pub fn predict(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Predic
     Ok(Prediction { factor: factor(scenario), masses, latency })
 }
 
-/// Measures the largest latency of a scenario with its factor held constant at [`factor`].
-pub fn measure(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Option<f64>, Failure> {
+/// Measures the largest latency of a scenario with its factor held constant at [`factor`], sought from
+/// the predicted one outwards.
+pub fn measure(
+    scenario: &Scenario,
+    predicted: Option<f64>,
+    proceed: &dyn Fn() -> bool,
+) -> Result<Option<f64>, Failure> {
     let mut set = Vec::new();
     if let Some(k) = factor(scenario) {
         for (key, value) in
@@ -82,7 +87,8 @@ pub fn measure(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Option
         set.push(Override::text("law.factor.kind", "switch"));
     }
     let constant = Scenario::parse(&scenario.name, scenario.text(), &set)?;
-    measure::largest_latency(&without_latency(&constant)?, MOST, proceed)
+    let guess = predicted.unwrap_or(scenario.timing.sample_period.as_secs_f64() / 10.0);
+    measure::largest_latency(&without_latency(&constant)?, guess, MOST, proceed)
 }
 
 /// The scenarios of a plan with its latency axis left out, each with the labels of its positions.

@@ -73,9 +73,8 @@ impl Axis {
         if positions.is_empty() {
             return Err(section.refuse("values", "a list of values, or a range from, to, count"));
         }
-        let is_duration = |position: &Position| {
-            position.set.iter().all(|set| is_duration(set)) && position.number.is_some()
-        };
+        let is_duration =
+            |position: &Position| position.set.iter().all(is_duration) && position.number.is_some();
         let unit = if positions.iter().all(is_duration) { "s" } else { "" };
         Ok(Self { name, unit, is_logarithmic: scale, positions })
     }
