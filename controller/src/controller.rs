@@ -119,7 +119,11 @@ impl<const N: usize> ArmController<N> {
         let law = match settings.kind {
             LawKind::Tj => Law::Tj(tj),
             LawKind::Mtj => Law::Mtj {
-                law: ModifiedTransposeJacobian { tj, factor: factor(&settings.factor) },
+                law: ModifiedTransposeJacobian {
+                    tj,
+                    factor: factor(&settings.factor),
+                    ceiling: settings.factor.ceiling,
+                },
                 memory: Memory::new(&settings.memory),
                 acceleration: settings.acceleration,
             },
@@ -132,7 +136,6 @@ impl<const N: usize> ArmController<N> {
             predictor: Predictor::new(settings.prediction),
         }
     }
-
 }
 
 impl Law {
@@ -152,8 +155,7 @@ impl Law {
                 let recalled = memory.recall(state);
                 let error_acceleration =
                     acceleration.then(|| desired.acceleration - tip_acceleration);
-                let answer =
-                    law.task_force(error, recalled.as_ref(), error_acceleration.as_ref());
+                let answer = law.task_force(error, recalled.as_ref(), error_acceleration.as_ref());
                 memory.store(state, &answer.force);
                 Ok(answer)
             }

@@ -27,7 +27,8 @@ impl ControllerOptions {
         if self.until_stdin_closes {
             shutdown.when_stdin_closes();
         }
-        let settings = self.bus.settings().map_err(|error| BusError::Settings(error.to_string()))?;
+        let settings =
+            self.bus.settings().map_err(|error| BusError::Settings(error.to_string()))?;
         let proceed = move || shutdown.proceed();
         let wait = self.bus.wait.is_some().then_some(settings.wait);
         match AnyBus::open(&settings, Role::Other, &proceed)? {

@@ -27,7 +27,8 @@ impl MonitorOptions {
         if self.until_stdin_closes {
             shutdown.when_stdin_closes();
         }
-        let settings = self.bus.settings().map_err(|error| BusError::Settings(error.to_string()))?;
+        let settings =
+            self.bus.settings().map_err(|error| BusError::Settings(error.to_string()))?;
         let proceed = move || shutdown.proceed();
         // Zenoh has a runtime of its own and must be opened outside ours.
         let Some(bus) = AnyBus::open(&settings, Role::Other, &proceed)? else { return Ok(()) };

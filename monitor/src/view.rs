@@ -112,7 +112,9 @@ impl View {
         }
         if let Some(status) = &self.status {
             let StatusSample { deadline_misses, late, lost, rejected, .. } = status;
-            line += &format!("  misses {deadline_misses}  late {late}  lost {lost}  rejected {rejected}");
+            line += &format!(
+                "  misses {deadline_misses}  late {late}  lost {lost}  rejected {rejected}"
+            );
         }
         if self.missed > 0 {
             line += &format!("  (this monitor missed {} samples)", self.missed);

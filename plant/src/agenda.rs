@@ -36,7 +36,7 @@ impl Event {
     }
 }
 
-/// Future events; [`Agenda::next`] gives the earliest, then the lowest rank, then the oldest entry.
+/// Future events; [`Agenda::pop`] gives the earliest, then the lowest rank, then the oldest entry.
 #[derive(Debug)]
 pub struct Agenda {
     heap: BinaryHeap<Entry>,

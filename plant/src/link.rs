@@ -1,25 +1,262 @@
-//! One direction between plant and controller: how long what enters it travels.
+//! One direction between plant and controller: how long what enters it travels, and what is lost.
 
-use std::time::Duration;
+use std::{path::Path, time::Duration};
 
-use mtj_model::scenario::LinkSettings;
+use mtj_model::scenario::{Dropout, Jitter, LinkSettings};
+use mtj_protocol::bus::BusError;
+use rand_distr::{Distribution, Gamma, Normal};
+use rand_pcg::Pcg64;
 
-/// A link that delays what it carries.
+use crate::sensor::fraction;
+
+/// A link that delays and loses what it carries.
 ///
 /// It belongs to the plant's agenda, so that it works the same under both clocks and over any bus.
+/// What overtakes something else on the way makes the other useless: the newest value wins at
+/// either end.
 #[derive(Clone, Debug)]
 pub struct Link {
     latency: Duration,
+    delay: Delay,
+    dropout: Dropout,
+    is_bad: bool,
+    delays: Pcg64,
+    losses: Pcg64,
+}
+
+#[derive(Clone, Debug)]
+enum Delay {
+    Constant,
+    /// Half the width, s.
+    Uniform(f64),
+    /// In s.
+    Normal(Normal<f64>),
+    /// In s, mean included.
+    Gamma(Gamma<f64>),
+    Replay {
+        latencies: Vec<Duration>,
+        next: usize,
+    },
+}
+
+/// Which of the two directions: each has random numbers of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// Sensor to controller.
+    State,
+    /// Controller to actuator.
+    Torque,
 }
 
 impl Link {
-    /// The link that the settings describe.
-    pub fn new(settings: &LinkSettings) -> Self {
-        Self { latency: settings.latency }
+    /// The link that the settings describe; reads the file of a replay.
+    pub fn new(settings: &LinkSettings, direction: Direction, seed: u64) -> Result<Self, BusError> {
+        let stream = match direction {
+            Direction::State => 2,
+            Direction::Torque => 4,
+        };
+        let refuse = || BusError::Settings("the link's jitter is out of range".to_owned());
+        let mean = settings.latency.as_secs_f64();
+        let delay = match &settings.jitter {
+            Jitter::None => Delay::Constant,
+            Jitter::Uniform { spread } => Delay::Uniform(spread.as_secs_f64()),
+            Jitter::Gamma { deviation } | Jitter::Normal { deviation } if deviation.is_zero() => {
+                Delay::Constant
+            }
+            Jitter::Normal { deviation } => {
+                Delay::Normal(Normal::new(mean, deviation.as_secs_f64()).map_err(|_| refuse())?)
+            }
+            Jitter::Gamma { deviation } => {
+                let variance = deviation.as_secs_f64().powi(2);
+                let (shape, scale) = (mean * mean / variance, variance / mean);
+                Delay::Gamma(Gamma::new(shape, scale).map_err(|_| refuse())?)
+            }
+            Jitter::Replay { file } => Delay::Replay {
+                latencies: read_latencies(file).map_err(BusError::Settings)?,
+                next: 0,
+            },
+        };
+        Ok(Self {
+            latency: settings.latency,
+            delay,
+            dropout: settings.dropout,
+            is_bad: false,
+            delays: Pcg64::new(u128::from(seed), stream),
+            losses: Pcg64::new(u128::from(seed), stream + 1),
+        })
     }
 
-    /// How long the next thing travels; `None` if it is lost.
+    /// How long the next message travels; `None` if it is lost. A lost one draws a latency all the
+    /// same, so that the losses do not change the latencies of the others.
     pub fn transit(&mut self) -> Option<Duration> {
-        Some(self.latency)
+        let seconds = match &mut self.delay {
+            Delay::Constant => None,
+            Delay::Uniform(spread) => {
+                let mean = self.latency.as_secs_f64();
+                Some(mean + *spread * (2.0 * fraction(&mut self.delays) - 1.0))
+            }
+            Delay::Normal(normal) => Some(normal.sample(&mut self.delays)),
+            Delay::Gamma(gamma) => Some(gamma.sample(&mut self.delays)),
+            Delay::Replay { latencies, next } => {
+                let measured = latencies[*next];
+                *next = (*next + 1) % latencies.len();
+                Some((self.latency + measured).as_secs_f64())
+            }
+        };
+        let latency = match seconds {
+            None => self.latency,
+            Some(seconds) => Duration::from_nanos((seconds.max(0.0) * 1e9).round() as u64),
+        };
+        (!self.loses()).then_some(latency)
+    }
+
+    fn loses(&mut self) -> bool {
+        let probability = match self.dropout {
+            Dropout::None => return false,
+            Dropout::Independent(probability) => probability,
+            Dropout::Burst { enter, leave, good, bad } => {
+                let change = if self.is_bad { leave } else { enter };
+                self.is_bad ^= fraction(&mut self.losses) < change;
+                if self.is_bad { bad } else { good }
+            }
+        };
+        fraction(&mut self.losses) < probability
+    }
+}
+
+/// Reads the latencies of a replay: the column that the header calls `latency_s`, `_ms`, `_us` or
+/// `_ns`.
+fn read_latencies(file: &Path) -> Result<Vec<Duration>, String> {
+    let name = file.display();
+    let text = std::fs::read_to_string(file)
+        .map_err(|error| format!("the replayed latencies {name} cannot be read: {error}"))?;
+    let mut lines = text.lines().enumerate();
+    let header = lines.next().map(|(_, line)| line).unwrap_or_default();
+    let units = [("latency_s", 1e9), ("latency_ms", 1e6), ("latency_us", 1e3), ("latency_ns", 1.0)];
+    let (column, unit) = header
+        .split(',')
+        .enumerate()
+        .find_map(|(i, title)| {
+            units.iter().find(|(unit, _)| title.trim() == *unit).map(|(_, length)| (i, *length))
+        })
+        .ok_or(format!(
+            "{name}: the first line names no column latency_s, latency_ms, latency_us or latency_ns"
+        ))?;
+    let mut latencies = Vec::new();
+    for (number, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
+        let latency = line
+            .split(',')
+            .nth(column)
+            .and_then(|field| field.trim().parse::<f64>().ok())
+            .map(|latency| latency * unit)
+            .filter(|nanoseconds| (0.0..1e18).contains(nanoseconds))
+            .ok_or(format!(
+                "{name}, line {}: expected a latency, a number 0 or greater",
+                number + 1
+            ))?;
+        latencies.push(Duration::from_nanos(latency.round() as u64));
+    }
+    if latencies.is_empty() {
+        return Err(format!("{name}: there are no latencies after the header"));
+    }
+    Ok(latencies)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    fn link(jitter: Jitter, dropout: Dropout) -> Link {
+        Link::new(&LinkSettings { latency: 5 * MS, jitter, dropout }, Direction::State, 7).unwrap()
+    }
+
+    /// Mean and standard deviation of many latencies, ms.
+    fn moments(mut link: Link) -> (f64, f64) {
+        let count = 100_000;
+        let all: Vec<_> = (0..count).map(|_| link.transit().unwrap().as_secs_f64() * 1e3).collect();
+        let mean = all.iter().sum::<f64>() / f64::from(count);
+        let variance = all.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / f64::from(count);
+        (mean, variance.sqrt())
+    }
+
+    fn is_about((mean, deviation): (f64, f64), expected: (f64, f64)) -> bool {
+        (mean - expected.0).abs() < 0.02 && (deviation - expected.1).abs() < 0.02
+    }
+
+    #[test]
+    fn latencies_have_the_mean_and_the_deviation_that_were_asked_for() {
+        let none = Dropout::None;
+        assert_eq!(moments(link(Jitter::None, none)), (5.0, 0.0));
+        let uniform = moments(link(Jitter::Uniform { spread: 3 * MS }, none));
+        assert!(is_about(uniform, (5.0, 3f64.sqrt())), "{uniform:?}");
+        let normal = moments(link(Jitter::Normal { deviation: MS }, none));
+        assert!(is_about(normal, (5.0, 1.0)), "{normal:?}");
+        let gamma = moments(link(Jitter::Gamma { deviation: 2 * MS }, none));
+        assert!(is_about(gamma, (5.0, 2.0)), "{gamma:?}");
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_transits_and_the_directions_differ() {
+        let settings = LinkSettings {
+            latency: 5 * MS,
+            jitter: Jitter::Gamma { deviation: MS },
+            dropout: Dropout::Independent(0.2),
+        };
+        let transits = |direction, seed| -> Vec<_> {
+            let mut link = Link::new(&settings, direction, seed).unwrap();
+            (0..100).map(|_| link.transit()).collect()
+        };
+        assert_eq!(transits(Direction::State, 1), transits(Direction::State, 1));
+        assert_ne!(transits(Direction::State, 1), transits(Direction::State, 2));
+        assert_ne!(transits(Direction::State, 1), transits(Direction::Torque, 1));
+    }
+
+    #[test]
+    fn losses_do_not_change_the_latencies_of_what_arrives() {
+        let jitter = Jitter::Normal { deviation: MS };
+        let mut whole = link(jitter.clone(), Dropout::None);
+        let mut lossy = link(jitter, Dropout::Independent(0.5));
+        for _ in 0..100 {
+            let all = whole.transit();
+            let some = lossy.transit();
+            assert!(some.is_none() || some == all);
+        }
+    }
+
+    #[test]
+    fn bursts_are_as_long_and_as_frequent_as_the_chain_says() {
+        let burst = Dropout::Burst { enter: 0.02, leave: 0.25, good: 0.0, bad: 1.0 };
+        let mut link = link(Jitter::None, burst);
+        let lost: Vec<_> = (0..200_000).map(|_| link.transit().is_none()).collect();
+        let rate = lost.iter().filter(|lost| **lost).count() as f64 / lost.len() as f64;
+        let bursts = lost.windows(2).filter(|pair| !pair[0] && pair[1]).count() as f64;
+        let length = rate * lost.len() as f64 / bursts;
+        assert!(
+            (rate - 0.02 / 0.27).abs() < 0.003,
+            "stationary probability of the bad state: {rate}"
+        );
+        assert!((length - 4.0).abs() < 0.15, "mean length of a burst 1/leave: {length}");
+    }
+
+    #[test]
+    fn measured_latencies_are_replayed_in_their_order_and_round_again() {
+        let file = std::env::temp_dir().join(format!("mtj-latencies-{}.csv", std::process::id()));
+        std::fs::write(&file, "hop,latency_ms\na,1.5\nb,0\n\nc,20\n").unwrap();
+        let mut link = link(Jitter::Replay { file: file.clone() }, Dropout::None);
+        let transits: Vec<_> = (0..4).map(|_| link.transit().unwrap().as_micros()).collect();
+        assert_eq!(transits, [6_500, 5_000, 25_000, 6_500]);
+        for (text, complaint) in [
+            ("latency\n1\n", "names no column"),
+            ("latency_s\n", "no latencies"),
+            ("latency_s\n1\n-2\n", "line 3"),
+        ] {
+            std::fs::write(&file, text).unwrap();
+            let error = read_latencies(&file).unwrap_err();
+            assert!(error.contains(complaint), "{error}");
+        }
+        std::fs::remove_file(&file).unwrap();
+        assert!(read_latencies(&file).unwrap_err().contains("cannot be read"));
     }
 }

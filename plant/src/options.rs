@@ -73,7 +73,10 @@ impl OutputOptions {
     pub fn create_trace(&self) -> Result<Option<File>, BusError> {
         let Some(path) = &self.trace else { return Ok(None) };
         File::create(path).map(Some).map_err(|error| {
-            BusError::Settings(format!("--trace {}: {error}; choose a file that can be written", path.display()))
+            BusError::Settings(format!(
+                "--trace {}: {error}; choose a file that can be written",
+                path.display()
+            ))
         })
     }
 

@@ -19,7 +19,7 @@ use crate::{
     actuator::Actuator,
     agenda::{Agenda, Event},
     clock::Clock,
-    link::Link,
+    link::{Direction, Link},
     report::{Commands, Measures, Report},
     sensor::Sensor,
     simulator::{Simulator, simulator},
@@ -65,7 +65,7 @@ pub fn run(
     watch: Watch,
     proceed: &dyn Fn() -> bool,
 ) -> Result<Outcome, BusError> {
-    let mut plant = Plant::new(scenario, run, exchange, watch, proceed);
+    let mut plant = Plant::new(scenario, run, exchange, watch, proceed)?;
     plant.run()?;
     Ok(plant.outcome())
 }
@@ -84,6 +84,9 @@ struct Plant<'a> {
     actuator: Actuator,
     stopwatch: Clock,
     clock: Clock,
+    /// Sequence number of the newest state that was handed to the controller.
+    delivered: Option<u64>,
+    /// States waiting for an answer in real time: sequence number and when they were sent.
     unanswered: VecDeque<(u64, u64)>,
     commands: Commands,
     deadline_misses: u64,
@@ -104,7 +107,7 @@ impl<'a> Plant<'a> {
         exchange: &'a mut dyn Exchange,
         watch: Watch,
         proceed: &'a dyn Fn() -> bool,
-    ) -> Self {
+    ) -> Result<Self, BusError> {
         let header = Header {
             version: VERSION,
             joints: scenario.arm.links.len() as u32,
@@ -112,8 +115,9 @@ impl<'a> Plant<'a> {
             run,
             ..Header::default()
         };
-        let samples = scenario.duration.as_nanos().div_ceil(scenario.timing.sample_period.as_nanos());
-        Self {
+        let samples =
+            scenario.duration.as_nanos().div_ceil(scenario.timing.sample_period.as_nanos());
+        Ok(Self {
             scenario,
             exchange,
             watch,
@@ -122,11 +126,12 @@ impl<'a> Plant<'a> {
             simulator: simulator(scenario),
             agenda: Agenda::new(),
             sensor: Sensor::new(scenario.noise, scenario.seed),
-            state_link: Link::new(&scenario.link.state),
-            torque_link: Link::new(&scenario.link.torque),
+            state_link: Link::new(&scenario.link.state, Direction::State, scenario.seed)?,
+            torque_link: Link::new(&scenario.link.torque, Direction::Torque, scenario.seed)?,
             actuator: Actuator::new(scenario),
             stopwatch: Clock::start(),
             clock: Clock::start(),
+            delivered: None,
             unanswered: VecDeque::with_capacity(OUTSTANDING + 1),
             commands: Commands::default(),
             deadline_misses: 0,
@@ -138,7 +143,7 @@ impl<'a> Plant<'a> {
             trace: Vec::with_capacity(if watch.trace { samples as usize } else { 0 }),
             diverged: false,
             stopped: false,
-        }
+        })
     }
 
     fn is_realtime(&self) -> bool {
@@ -204,9 +209,9 @@ impl<'a> Plant<'a> {
         if let Some(timeout) = self.scenario.safety.command_timeout {
             self.agenda.push(nanoseconds(timeout), Event::Timeout(0));
         }
-        let (Some(there), back) = (self.state_link.transit(), self.torque_link.transit()) else {
-            return Ok(());
-        };
+        // The two must meet, so the first state is not lost; it may be late.
+        let there = self.state_link.transit().unwrap_or(self.scenario.link.state.latency);
+        self.delivered = Some(0);
         self.commands.sent += 1;
         let started = Instant::now();
         let mut complained = false;
@@ -231,9 +236,7 @@ impl<'a> Plant<'a> {
         self.clock = Clock::start();
         let Answer::Torque(answer) = answer else { return Ok(()) };
         self.note_round_trip(&answer);
-        if let Some(back) = back {
-            self.agenda.push(nanoseconds(there + back), Event::Arrive(answer));
-        }
+        self.schedule(nanoseconds(there), answer);
         Ok(())
     }
 
@@ -279,14 +282,17 @@ impl<'a> Plant<'a> {
             position,
             velocity,
             applied: self.actuator.applied(),
-            delivered: self
-                .actuator
-                .delivered(time_ns, nanoseconds(self.scenario.law.memory.step)),
+            delivered: self.actuator.delivered(time_ns, nanoseconds(self.scenario.law.memory.step)),
         }
     }
 
-    /// Hands a state to the controller; in lockstep also waits for the answer.
+    /// Hands a state to the controller, unless a newer one has overtaken it; in lockstep also waits
+    /// for the answer.
     fn deliver(&mut self, time_ns: u64, state: StateSample) -> Result<(), BusError> {
+        if self.delivered >= Some(state.header.sequence) {
+            return Ok(());
+        }
+        self.delivered = Some(state.header.sequence);
         self.commands.sent += 1;
         if self.is_realtime() {
             self.remember_unanswered(state.header.sequence);
@@ -309,11 +315,7 @@ impl<'a> Plant<'a> {
     }
 
     /// Sends a state and waits for the answer to it.
-    fn ask(
-        &mut self,
-        state: &StateSample,
-        patience: Duration,
-    ) -> Result<Option<Answer>, BusError> {
+    fn ask(&mut self, state: &StateSample, patience: Duration) -> Result<Option<Answer>, BusError> {
         if !self.watch.round_trips {
             self.exchange.send(state)?;
             return self.exchange.receive(self.clock.instant(0));
@@ -352,12 +354,16 @@ impl<'a> Plant<'a> {
     fn schedule(&mut self, time_ns: u64, answer: TorqueSample) {
         if let Some(transit) = self.torque_link.transit() {
             self.agenda.push(time_ns + nanoseconds(transit), Event::Arrive(answer));
+        } else {
+            self.commands.lost += 1;
         }
     }
 
+    /// Puts a command into effect, unless a newer one has overtaken it.
     fn apply(&mut self, time_ns: u64, command: &TorqueSample) {
         if !self.actuator.apply(command, time_ns) {
-            return; // A newer one is in effect already.
+            self.commands.lost += 1;
+            return;
         }
         self.commands.applied += 1;
         self.measures.command(&self.actuator.torque(&self.simulator.velocity()));

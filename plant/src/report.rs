@@ -49,7 +49,7 @@ pub struct Commands {
     pub sent: u64,
     /// Commands that came into effect.
     pub applied: u64,
-    /// Commands that never came.
+    /// Commands that never came, or that a newer one had overtaken.
     pub lost: u64,
     /// Commands that came more than a sample period after their state was sent.
     pub late: u64,
@@ -78,7 +78,10 @@ pub struct Durations(Histogram<u64>);
 const LONGEST_NS: u64 = 60_000_000_000;
 
 impl Default for Durations {
-    #[expect(clippy::expect_used, reason = "constant bounds, checked by every test that runs a loop")]
+    #[expect(
+        clippy::expect_used,
+        reason = "constant bounds, checked by every test that runs a loop"
+    )]
     fn default() -> Self {
         Self(Histogram::new_with_bounds(1, LONGEST_NS, 3).expect("valid bounds"))
     }
@@ -160,8 +163,11 @@ impl Measures {
         }
         if let Some(previous) = self.previous {
             self.steps += 1;
-            self.squared_step +=
-                torque.iter().zip(&previous).map(|(now, then)| (now - then) * (now - then)).sum::<f64>();
+            self.squared_step += torque
+                .iter()
+                .zip(&previous)
+                .map(|(now, then)| (now - then) * (now - then))
+                .sum::<f64>();
         }
         self.previous = Some(*torque);
     }

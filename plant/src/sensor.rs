@@ -37,10 +37,13 @@ impl Sensor {
     }
 
     fn error(&mut self, output: f64) -> f64 {
-        // The upper 53 bits as a fraction of one.
-        let fraction = (self.random.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64);
-        self.noise * output.abs() * (2.0 * fraction - 1.0)
+        self.noise * output.abs() * (2.0 * fraction(&mut self.random) - 1.0)
     }
+}
+
+/// A random number in [0, 1): the upper 53 bits of 64.
+pub(crate) fn fraction(random: &mut Pcg64) -> f64 {
+    (random.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
 }
 
 /// The same direction in (−π, π].
@@ -54,7 +57,9 @@ mod tests {
 
     #[test]
     fn angles_are_taken_within_half_a_turn() {
-        for (angle, expected) in [(0.5, 0.5), (PI, PI), (-PI, PI), (7.0, 7.0 - 2.0 * PI), (-4.0, 2.0 * PI - 4.0)] {
+        for (angle, expected) in
+            [(0.5, 0.5), (PI, PI), (-PI, PI), (7.0, 7.0 - 2.0 * PI), (-4.0, 2.0 * PI - 4.0)]
+        {
             assert!((wrapped(angle) - expected).abs() < 1e-12, "{angle}");
         }
     }

@@ -17,7 +17,11 @@ impl fmt::Display for Report {
         }
         writeln!(f, "  rms error       {}", number(self.rms_error_m, "m"))?;
         writeln!(f, "  peak error      {}", number(self.peak_error_m, "m"))?;
-        writeln!(f, "  energy          {}", self.energy_j.map_or("-".into(), |x| format!("{x:.1} J")))?;
+        writeln!(
+            f,
+            "  energy          {}",
+            self.energy_j.map_or("-".into(), |x| format!("{x:.1} J"))
+        )?;
         let peaks: Vec<_> = self.peak_torque_nm.iter().map(|x| format!("{x:.1}")).collect();
         writeln!(f, "  peak torque     {} N m", peaks.join(", "))?;
         writeln!(f, "  torque step     {}", number(self.torque_step_rms_nm, "N m rms"))?;

@@ -35,7 +35,8 @@ impl Row {
 pub fn write_csv(out: &mut impl Write, joints: usize, rows: &[Row]) -> io::Result<()> {
     let joints = joints.min(MAX_JOINTS);
     let axes = PLANE.min(MAX_AXES);
-    let numbered = |name: &str, count| (1..=count).map(|i| format!(",{name}{i}")).collect::<String>();
+    let numbered =
+        |name: &str, count| (1..=count).map(|i| format!(",{name}{i}")).collect::<String>();
     writeln!(
         out,
         "time_s{}{},x_m,y_m,x_desired_m,y_desired_m,error_x_m,error_y_m{}{}",

@@ -51,7 +51,8 @@ pub fn decode_offer(bytes: &[u8]) -> Option<Offer> {
 }
 
 fn exactly<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
-    let (value, used) = bincode::serde::decode_from_slice(bytes, FORMAT.with_limit::<65536>()).ok()?;
+    let (value, used) =
+        bincode::serde::decode_from_slice(bytes, FORMAT.with_limit::<65536>()).ok()?;
     (used == bytes.len()).then_some(value)
 }
 
@@ -71,8 +72,21 @@ mod tests {
 
     #[test]
     fn every_sample_comes_back_as_it_went() {
-        let header = Header { version: 1, joints: 2, axes: 2, run: 7, sequence: 8, time_ns: 9, ..Header::default() };
-        check(StateSample { header, position: [0.1; 7], delivered: [0.2; 6], ..Default::default() });
+        let header = Header {
+            version: 1,
+            joints: 2,
+            axes: 2,
+            run: 7,
+            sequence: 8,
+            time_ns: 9,
+            ..Header::default()
+        };
+        check(StateSample {
+            header,
+            position: [0.1; 7],
+            delivered: [0.2; 6],
+            ..Default::default()
+        });
         check(TorqueSample { header, torque: [-1.5; 7], force: [2.5; 6], ..Default::default() });
         check(ErrorSample { header, error: [1e-9; 6], ..Default::default() });
         check(StatusSample { header, phase: 2, lost: u64::MAX, ..Default::default() });
@@ -80,7 +94,15 @@ mod tests {
 
     #[test]
     fn the_wire_layout_is_the_documented_one() {
-        let header = Header { version: 1, joints: 2, axes: 2, run: 0x0102, sequence: 3, time_ns: 4, ..Header::default() };
+        let header = Header {
+            version: 1,
+            joints: 2,
+            axes: 2,
+            run: 0x0102,
+            sequence: 3,
+            time_ns: 4,
+            ..Header::default()
+        };
         let state = StateSample { header, sent_ns: 5, position: [1.5; 7], ..Default::default() };
         let mut buffer = [0; LARGEST_SAMPLE];
         let bytes = encode(&state, &mut buffer);

@@ -50,7 +50,7 @@ pub struct Iceoryx2Bus {
 }
 
 /// Sweeps our domain of shared memory when a bus is gone.
-struct Broom(Config);
+struct Broom(Box<Config>);
 
 impl Drop for Broom {
     fn drop(&mut self) {
@@ -80,12 +80,13 @@ impl Iceoryx2Bus {
             offers: RefCell::default(),
             session: session.to_owned(),
             node,
-            _broom: Broom(config),
+            _broom: Broom(Box::new(config)),
         })
     }
 
     fn name(&self, topic: &str) -> Result<ServiceName, BusError> {
-        ServiceName::new(&format!("mtj/{}/{topic}", self.session)).map_err(failure("the session's name"))
+        ServiceName::new(&format!("mtj/{}/{topic}", self.session))
+            .map_err(failure("the session's name"))
     }
 
     fn service<S: Sample>(

@@ -32,7 +32,8 @@ struct Topic<S>(Arc<Mutex<Vec<Weak<Mailbox<S>>>>>);
 impl LocalBus {
     fn topic<S: Sample>(&self) -> Arc<Mutex<Vec<Weak<Mailbox<S>>>>> {
         let mut topics = lock(&self.shared.topics);
-        let topic = topics.entry(TypeId::of::<S>()).or_insert_with(|| Box::new(Topic::<S>(Arc::default())));
+        let topic =
+            topics.entry(TypeId::of::<S>()).or_insert_with(|| Box::new(Topic::<S>(Arc::default())));
         // The key is the type, so the cast cannot fail.
         topic.downcast_ref::<Topic<S>>().map(|topic| topic.0.clone()).unwrap_or_default()
     }

@@ -68,7 +68,15 @@ impl BusOptions {
 
     /// The same options as arguments for another process.
     pub fn arguments(&self) -> Vec<String> {
-        let flag = |key: &str| if key == "kind" { "--bus".to_owned() } else if key == "config" { "--zenoh-config".to_owned() } else { format!("--{key}") };
+        let flag = |key: &str| {
+            if key == "kind" {
+                "--bus".to_owned()
+            } else if key == "config" {
+                "--zenoh-config".to_owned()
+            } else {
+                format!("--{key}")
+            }
+        };
         self.pairs().into_iter().flat_map(|(key, value)| [flag(key), value]).collect()
     }
 }

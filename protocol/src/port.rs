@@ -258,7 +258,13 @@ pub fn fetch_scenario(
     proceed: &dyn Fn() -> bool,
 ) -> Result<Option<(u64, Scenario)>, BusError> {
     let mut complained = false;
+    let started = Instant::now();
+    let mut is_waiting = false;
     while proceed() {
+        if !is_waiting && started.elapsed() > Duration::from_secs(2) {
+            is_waiting = true;
+            eprintln!("mtj: there is no plant in this session yet; waiting for one");
+        }
         let found = bus.fetch()?.map(|bytes| accept(&bytes));
         match found {
             Some(Ok(found)) => return Ok(Some(found)),
@@ -274,9 +280,13 @@ pub fn fetch_scenario(
 }
 
 fn accept(bytes: &[u8]) -> Result<(u64, Scenario), String> {
-    let offer = codec::decode_offer(bytes).ok_or("ignoring a scenario that could not be decoded")?;
+    let offer =
+        codec::decode_offer(bytes).ok_or("ignoring a scenario that could not be decoded")?;
     if offer.version != VERSION {
-        return Err(format!("ignoring a scenario from a plant of another version; {}", Fault::Version.sentence()));
+        return Err(format!(
+            "ignoring a scenario from a plant of another version; {}",
+            Fault::Version.sentence()
+        ));
     }
     let scenario = Scenario::parse(&offer.name, &offer.text, &[])
         .map_err(|error| format!("ignoring the plant's scenario: {error}"))?;
@@ -291,7 +301,11 @@ impl Complaints {
     fn once<S: Sample>(&mut self, fault: Fault) {
         if !self.0.contains(&fault) {
             self.0.push(fault);
-            eprintln!("mtj: ignoring a {} sample: {} (said once, counted always)", S::TOPIC, fault.sentence());
+            eprintln!(
+                "mtj: ignoring a {} sample: {} (said once, counted always)",
+                S::TOPIC,
+                fault.sentence()
+            );
         }
     }
 }

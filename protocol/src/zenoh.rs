@@ -103,7 +103,9 @@ fn configure(settings: &BusSettings, role: Role) -> Result<Config, BusError> {
     match role {
         Role::Plant if ours || settings.listen.is_some() => {
             set("listen/endpoints", list(&settings.listen_endpoints()))?;
-            if settings.listen.is_some() && let Some(connect) = &settings.connect {
+            if settings.listen.is_some()
+                && let Some(connect) = &settings.connect
+            {
                 set("connect/endpoints", list(connect))?;
             }
         }
@@ -161,8 +163,12 @@ impl Bus for ZenohBus {
     }
 
     fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
-        let replies =
-            self.session.get(self.key("scenario")).timeout(QUERY_TIMEOUT).wait().map_err(failure)?;
+        let replies = self
+            .session
+            .get(self.key("scenario"))
+            .timeout(QUERY_TIMEOUT)
+            .wait()
+            .map_err(failure)?;
         let end = Instant::now() + QUERY_TIMEOUT;
         while let Ok(Some(reply)) = replies.recv_deadline(end) {
             if let Ok(sample) = reply.result() {
@@ -204,7 +210,9 @@ fn in_one_line(error: &zenoh::Error) -> String {
     let mut words = text.split_whitespace().peekable();
     let mut line = String::new();
     while let Some(word) = words.next() {
-        if word == "at" && let Some(place) = words.next_if(|place| place.contains(".rs:")) {
+        if word == "at"
+            && let Some(place) = words.next_if(|place| place.contains(".rs:"))
+        {
             line.extend(place.chars().filter(|c| matches!(c, ']' | ')')));
             continue;
         }

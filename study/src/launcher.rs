@@ -32,15 +32,17 @@ pub enum LaunchError {
 }
 
 impl LaunchError {
-    /// Whether a role has told the user already: it does whenever it ends by itself.
-    pub fn is_said(&self) -> bool {
+    /// Whether the role has told the user itself why it ended.
+    pub fn is_explained(&self) -> bool {
         matches!(self, Self::Role(_, status) if status.code().is_some())
     }
 
     /// The exit status to pass on.
     pub fn code(&self) -> u8 {
         match self {
-            Self::Role(_, status) => status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1),
+            Self::Role(_, status) => {
+                status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1)
+            }
             _ => 1,
         }
     }
@@ -158,17 +160,28 @@ impl Launch {
     }
 
     fn spawn(&self, role: &str, arguments: &[String], stdout: Stdio) -> io::Result<RoleProcess> {
-        let mut process = Command::new(env::current_exe()?)
-            .arg(role)
-            .args(arguments)
-            .arg("--until-stdin-closes")
-            .stdin(Stdio::piped())
-            .stdout(stdout)
-            .kill_on_drop(true)
-            .spawn()?;
+        let mut command = Command::from(role_command(role, arguments, stdout)?);
+        let mut process = command.kill_on_drop(true).spawn()?;
         let leash = process.stdin.take();
         Ok(RoleProcess { process, leash })
     }
+
+    /// The command that starts a controller for this launch.
+    pub fn controller_command(&self, scenario: &Scenario) -> io::Result<std::process::Command> {
+        role_command("controller", &self.other_arguments(scenario), Stdio::null())
+    }
+}
+
+/// A role from this program's executable, on a leash: it ends when its standard input closes.
+fn role_command(
+    role: &str,
+    arguments: &[String],
+    stdout: Stdio,
+) -> io::Result<std::process::Command> {
+    let mut command = std::process::Command::new(env::current_exe()?);
+    command.arg(role).args(arguments).arg("--until-stdin-closes");
+    command.stdin(Stdio::piped()).stdout(stdout);
+    Ok(command)
 }
 
 /// A role in a process of its own.

@@ -2,4 +2,9 @@
 
 pub mod command;
 pub mod experiment;
+pub mod figure;
 pub mod launcher;
+pub mod paper;
+pub mod predict;
+pub mod session;
+pub mod sweep;

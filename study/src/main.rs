@@ -6,14 +6,16 @@ use clap::{Parser, Subcommand};
 use mtj_controller::options::ControllerOptions;
 use mtj_monitor::options::MonitorOptions;
 use mtj_plant::options::PlantOptions;
-use mtj_study::command::{Failure, run::Run, scenario::ScenarioCommand, up::Up};
+use mtj_study::command::{
+    Failure, paper::Paper, run::Run, scenario::ScenarioCommand, study::StudyCommand, up::Up,
+};
 
 /// Close a robot's control loop over a bus, and study what sample period and latency do to it
 #[derive(Parser)]
 #[command(name = "mtj", version)]
 struct Program {
     #[command(subcommand)]
-    command: Option<Command>,
+    command: Command,
 }
 
 #[derive(Subcommand)]
@@ -23,13 +25,17 @@ enum Command {
     Plant(PlantOptions),
     Controller(ControllerOptions),
     Monitor(MonitorOptions),
+    Paper(Paper),
     Scenario(ScenarioCommand),
+    Study(StudyCommand),
 }
 
 fn main() -> ExitCode {
-    let program = Program::parse();
-    let command = program.command.unwrap_or_else(|| Program::parse_from(["mtj", "up"]).command());
-    match run(command) {
+    let mut arguments: Vec<_> = std::env::args_os().collect();
+    if arguments.len() == 1 {
+        arguments.push("up".into()); // What a newcomer wants to see.
+    }
+    match run(Program::parse_from(arguments).command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             if !failure.sentence.is_empty() {
@@ -40,13 +46,6 @@ fn main() -> ExitCode {
     }
 }
 
-impl Program {
-    /// The command of a line that names one.
-    fn command(self) -> Command {
-        self.command.unwrap_or_else(|| std::process::exit(2))
-    }
-}
-
 fn run(command: Command) -> Result<(), Failure> {
     match command {
         Command::Up(up) => up.run(),
@@ -54,6 +53,8 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Plant(plant) => Ok(plant.run()?),
         Command::Controller(controller) => Ok(controller.run()?),
         Command::Monitor(monitor) => Ok(monitor.run()?),
+        Command::Paper(paper) => paper.run(),
         Command::Scenario(scenario) => scenario.run(),
+        Command::Study(study) => study.run(),
     }
 }

@@ -49,8 +49,8 @@ impl<T: Scalar, const M: usize> Factor<T, M> {
     pub fn regulate(&self, e: &TrackingError<T, M>) -> Regulation<T, M> {
         match self {
             Self::Switch { error, error_rate } => {
-                let small = matrix::norm(&e.position) < *error
-                    && matrix::norm(&e.velocity) < *error_rate;
+                let small =
+                    matrix::norm(&e.position) < *error && matrix::norm(&e.velocity) < *error_rate;
                 if small { Regulation::All } else { Regulation::Nothing }
             }
             Self::Exponential { error, error_rate } => Regulation::Scalar(fade(
@@ -78,6 +78,17 @@ impl<T: Scalar, const M: usize> Regulation<T, M> {
             Self::Nothing => SVector::zeros(),
             Self::Scalar(k) => memory * *k,
             Self::Diagonal(k) => k.component_mul(memory),
+        }
+    }
+
+    /// c k: the same factor under a ceiling c.
+    pub fn under(self, ceiling: T) -> Self {
+        match self {
+            _ if ceiling == T::one() => self,
+            Self::All => Self::Scalar(ceiling),
+            Self::Nothing => Self::Nothing,
+            Self::Scalar(k) => Self::Scalar(k * ceiling),
+            Self::Diagonal(k) => Self::Diagonal(k * ceiling),
         }
     }
 

@@ -23,9 +23,8 @@ impl<T: Scalar, const N: usize> ModelBased<T, N> {
         desired_acceleration: &SVector<T, N>,
         dynamics: &TaskDynamics<T, N>,
     ) -> SVector<T, N> {
-        let acceleration = self.kp.times(&error.position)
-            + self.kd.times(&error.velocity)
-            + desired_acceleration;
+        let acceleration =
+            self.kp.times(&error.position) + self.kd.times(&error.velocity) + desired_acceleration;
         mtj_model::matrix::times(&dynamics.inertia, &acceleration) + dynamics.velocity_terms
     }
 }

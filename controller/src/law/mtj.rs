@@ -15,6 +15,8 @@ pub struct ModifiedTransposeJacobian<T, const M: usize> {
     pub tj: TransposeJacobian<T, M>,
     /// How much of the memory to trust.
     pub factor: Factor<T, M>,
+    /// The most of it to trust; one in the paper.
+    pub ceiling: T,
 }
 
 /// A task force and what the memory had to do with it.
@@ -44,7 +46,7 @@ impl<T: Scalar, const M: usize> ModifiedTransposeJacobian<T, M> {
         let Some(remembered) = remembered else {
             return Remembered { force, memory: SVector::zeros(), factor: Regulation::Nothing };
         };
-        let factor = self.factor.regulate(error);
+        let factor = self.factor.regulate(error).under(self.ceiling);
         let memory = factor.times(remembered);
         Remembered { force: force + memory, memory, factor }
     }

@@ -24,8 +24,7 @@ pub fn parse(text: &str) -> Option<Duration> {
     let (number, unit) = text.split_at(split);
     let number: f64 = number.trim().parse().ok()?;
     let nanoseconds = number * UNITS.iter().find(|(name, _)| *name == unit.trim())?.1;
-    (0.0..1e18).contains(&nanoseconds)
-        .then(|| Duration::from_nanos(nanoseconds.round() as u64))
+    (0.0..1e18).contains(&nanoseconds).then(|| Duration::from_nanos(nanoseconds.round() as u64))
 }
 
 /// Writes a duration in the largest unit that keeps it a short number.

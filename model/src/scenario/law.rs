@@ -59,6 +59,9 @@ pub struct FactorSettings {
     pub error: SVector<f64, PLANE>,
     /// ε̇ or ė_max, m/s, per axis.
     pub error_rate: SVector<f64, PLANE>,
+    /// What k is multiplied with: its largest value. One in the paper; a held loop is asymptotically
+    /// stable only below (2 K_d − K_p T_s)/(2 K_d + K_p T_s).
+    pub ceiling: f64,
 }
 
 /// How the regulating factor follows from the tracking error.
@@ -157,6 +160,7 @@ impl FactorSettings {
             kind: FactorKind::Exponential,
             error: SVector::repeat(1.0),
             error_rate: SVector::repeat(10.0),
+            ceiling: 1.0,
         };
         let Some(section) = section else { return Ok(settings) };
         let kinds = [
@@ -178,6 +182,10 @@ impl FactorSettings {
             }
             *threshold = SVector::from_row_slice(&list);
         }
+        let ceiling = section.optional("ceiling", "a factor from 0 to 1", |value| {
+            section::number(value).filter(|k| (0.0..=1.0).contains(k))
+        })?;
+        settings.ceiling = ceiling.unwrap_or(settings.ceiling);
         section.finish()?;
         Ok(settings)
     }

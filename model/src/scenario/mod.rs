@@ -8,8 +8,9 @@ mod builtin;
 mod bus;
 pub mod duration;
 mod law;
+mod link;
 mod safety;
-mod section;
+pub mod section;
 mod timing;
 mod trajectory;
 
@@ -23,12 +24,12 @@ pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, Wait};
 pub use law::{
     FactorKind, FactorSettings, Horizon, LawKind, LawSettings, MemoryPolicy, MemorySettings,
 };
+pub use link::{Dropout, Jitter, LinkSettings, Links};
 pub use safety::{OnTimeout, Safety};
-pub use section::ScenarioError;
-pub use timing::{ClockKind, LinkSettings, Links, Timing};
+pub use section::{Origin, ScenarioError, Section};
+pub use timing::{ClockKind, Timing};
 
 use crate::trajectory::Trajectory;
-use section::{Origin, Section};
 
 /// A validated experiment.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,9 +67,34 @@ pub struct Override {
 }
 
 impl Override {
+    /// Sets `path` to any TOML value.
+    pub fn value(path: &str, value: Value) -> Self {
+        Self { path: path.to_owned(), value }
+    }
+
+    /// The value, if it is a string.
+    pub fn as_text(&self) -> Option<&str> {
+        self.value.as_str()
+    }
+
+    /// The key.
+    pub fn path(&self) -> &str {
+        &self.path
+    }
+
     /// Sets `path` to a string.
     pub fn text(path: &str, value: &str) -> Self {
         Self { path: path.to_owned(), value: Value::String(value.to_owned()) }
+    }
+}
+
+impl std::fmt::Display for Override {
+    /// As it would be written behind `--set`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match &self.value {
+            Value::String(text) => write!(f, "{}={text}", self.path),
+            value => write!(f, "{}={value}", self.path),
+        }
     }
 }
 

@@ -57,9 +57,8 @@ impl Origin {
 
     /// Where a key came from that nobody knows: a key set below it may have brought it in.
     fn of_unknown(&self, key: &str) -> String {
-        let below = |path: &String| {
-            path.strip_prefix(key).is_some_and(|rest| rest.starts_with(['.', '[']))
-        };
+        let below =
+            |path: &String| path.strip_prefix(key).is_some_and(|rest| rest.starts_with(['.', '[']));
         if self.overridden.iter().any(below) { "--set".to_owned() } else { self.of(key) }
     }
 

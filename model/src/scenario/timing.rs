@@ -1,4 +1,4 @@
-//! When samples are taken and how long they travel.
+//! When samples are taken.
 
 use std::time::Duration;
 
@@ -34,22 +34,6 @@ impl ClockKind {
     }
 }
 
-/// The two directions between plant and controller.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Links {
-    /// Sensor to controller.
-    pub state: LinkSettings,
-    /// Controller to actuator.
-    pub torque: LinkSettings,
-}
-
-/// How one direction delays what it carries.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct LinkSettings {
-    /// From entering to leaving the link.
-    pub latency: Duration,
-}
-
 impl Timing {
     pub(super) fn read(section: Section<'_>, duration: Duration) -> Result<Self, ScenarioError> {
         let nanosecond = Duration::from_nanos(1);
@@ -68,26 +52,5 @@ impl Timing {
         }
         section.finish()?;
         Ok(timing)
-    }
-}
-
-impl Links {
-    pub(super) fn read(section: Option<Section<'_>>) -> Result<Self, ScenarioError> {
-        let Some(section) = section else { return Ok(Self::default()) };
-        let links = Self {
-            state: LinkSettings::read(section.optional_section("state")?)?,
-            torque: LinkSettings::read(section.optional_section("torque")?)?,
-        };
-        section.finish()?;
-        Ok(links)
-    }
-}
-
-impl LinkSettings {
-    fn read(section: Option<Section<'_>>) -> Result<Self, ScenarioError> {
-        let Some(section) = section else { return Ok(Self::default()) };
-        let latency = section.duration("latency", Duration::ZERO, Some(Duration::ZERO))?;
-        section.finish()?;
-        Ok(Self { latency })
     }
 }

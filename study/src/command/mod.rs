@@ -1,7 +1,10 @@
 //! The subcommands of `mtj`, one file each.
 
+pub mod paper;
+pub mod predict;
 pub mod run;
 pub mod scenario;
+pub mod study;
 pub mod up;
 
 use std::{fmt, io};
@@ -16,7 +19,7 @@ use crate::launcher::LaunchError;
 /// Why a command failed, with the exit status it deserves.
 #[derive(Debug)]
 pub struct Failure {
-    /// One clear sentence; empty if a role has said it already.
+    /// One clear sentence; empty if the user has been told.
     pub sentence: String,
     /// 2 for bad input, 1 for anything else.
     pub code: u8,
@@ -29,6 +32,11 @@ impl fmt::Display for Failure {
 }
 
 impl Failure {
+    /// Something the user can mend.
+    pub fn bad_input(sentence: impl fmt::Display) -> Self {
+        Self::new(sentence, true)
+    }
+
     fn new(error: impl fmt::Display, is_bad_input: bool) -> Self {
         Self { sentence: error.to_string(), code: if is_bad_input { 2 } else { 1 } }
     }
@@ -65,8 +73,14 @@ impl From<ServeError> for Failure {
 
 impl From<LaunchError> for Failure {
     fn from(error: LaunchError) -> Self {
-        let sentence = if error.is_said() { String::new() } else { error.to_string() };
+        let sentence = if error.is_explained() { String::new() } else { error.to_string() };
         Self { code: error.code(), sentence }
+    }
+}
+
+impl From<String> for Failure {
+    fn from(sentence: String) -> Self {
+        Self::new(sentence, false)
     }
 }
 

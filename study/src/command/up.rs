@@ -21,7 +21,8 @@ impl Up {
     /// Runs until Ctrl-C, or for the duration that was set.
     pub fn run(mut self) -> Result<(), Failure> {
         let set = &mut self.scenario.set;
-        let sets = |set: &[String], key: &str| set.iter().any(|text| text.trim_start().starts_with(key));
+        let sets =
+            |set: &[String], key: &str| set.iter().any(|text| text.trim_start().starts_with(key));
         if !sets(set, "duration") {
             set.push(UNTIL_STOPPED.to_owned());
         }

@@ -1,0 +1,147 @@
+//! Figures of line panels: described as data, drawn as SVG, rasterised as PNG.
+//!
+//! ```text
+//! Figure { panels } ── svg() ──▶ text ── raster::png() ──▶ bytes
+//! ```
+//!
+//! A PNG is made of exactly the SVG beside it, with a font that the program carries, so neither
+//! depends on what the machine has installed.
+
+mod draw;
+pub mod raster;
+mod thin;
+
+use std::{fmt, fs, io, ops::Range, path::Path, path::PathBuf};
+
+/// Line colours that stay apart for colour-blind readers and in grey print (after Okabe and Ito).
+pub mod colors {
+    /// Blue, for the first of two curves.
+    pub const BLUE: (u8, u8, u8) = (0, 114, 178);
+    /// Vermilion, for the second.
+    pub const VERMILION: (u8, u8, u8) = (213, 94, 0);
+    /// Bluish green, for the third.
+    pub const GREEN: (u8, u8, u8) = (0, 158, 115);
+    /// Reddish purple, for the fourth.
+    pub const PURPLE: (u8, u8, u8) = (204, 121, 167);
+}
+
+/// Panels of one size, filled row by row.
+#[derive(Clone, Debug)]
+pub struct Figure {
+    /// What stands above all panels; empty for nothing.
+    pub title: String,
+    /// Panels in a row.
+    pub columns: usize,
+    /// Width and height of one panel with its axes, pixels.
+    pub panel_size: (u32, u32),
+    /// The panels.
+    pub panels: Vec<Panel>,
+}
+
+/// Curves over one pair of axes.
+#[derive(Clone, Debug)]
+pub struct Panel {
+    /// What stands above the panel, on the left.
+    pub title: String,
+    /// The horizontal axis.
+    pub x: Axis,
+    /// The vertical axis.
+    pub y: Axis,
+    /// Drawn in this order; labels stand above the panel, on the right, where they hide nothing.
+    pub curves: Vec<Curve>,
+}
+
+/// One axis.
+#[derive(Clone, Debug)]
+pub struct Axis {
+    /// Quantity and unit.
+    pub label: String,
+    /// What is shown.
+    pub range: Range<f64>,
+}
+
+/// One line.
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// Its name in the legend; empty for none.
+    pub label: String,
+    /// Red, green, blue.
+    pub color: (u8, u8, u8),
+    /// Its points; where x never decreases they are thinned to what the picture can show.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// Why a figure could not be made.
+#[derive(Debug)]
+pub enum FigureError {
+    /// The drawing failed.
+    Drawing(String),
+    /// A file could not be written.
+    File(PathBuf, io::Error),
+}
+
+impl fmt::Display for FigureError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Drawing(reason) => write!(f, "a figure could not be drawn: {reason}"),
+            Self::File(path, error) => {
+                write!(f, "{} could not be written: {error}", path.display())
+            }
+        }
+    }
+}
+
+impl std::error::Error for FigureError {}
+
+/// Where a figure was written.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Written {
+    /// What the files are called, without folder and ending.
+    pub name: String,
+    /// The SVG file.
+    pub svg: PathBuf,
+    /// The PNG file.
+    pub png: PathBuf,
+}
+
+impl Axis {
+    /// An axis over `range`.
+    pub fn new(label: &str, range: Range<f64>) -> Self {
+        Self { label: label.to_owned(), range }
+    }
+}
+
+impl Curve {
+    /// A line through `points`.
+    pub fn new(
+        label: &str,
+        color: (u8, u8, u8),
+        points: impl IntoIterator<Item = (f64, f64)>,
+    ) -> Self {
+        Self { label: label.to_owned(), color, points: points.into_iter().collect() }
+    }
+}
+
+impl Figure {
+    /// The figure as an SVG document.
+    pub fn svg(&self) -> Result<String, FigureError> {
+        draw::svg(self)
+    }
+
+    /// Writes `folder/name.svg` and `folder/name.png`.
+    pub fn write(&self, folder: &Path, name: &str) -> Result<Written, FigureError> {
+        let svg = self.svg()?;
+        let png = raster::png(&svg)?;
+        let written = Written {
+            name: name.to_owned(),
+            svg: folder.join(format!("{name}.svg")),
+            png: folder.join(format!("{name}.png")),
+        };
+        let write = |path: &PathBuf, bytes: &[u8]| {
+            fs::write(path, bytes).map_err(|error| FigureError::File(path.clone(), error))
+        };
+        write(&written.svg, svg.as_bytes())?;
+        write(&written.png, &png)?;
+        Ok(written)
+    }
+}

@@ -1,0 +1,45 @@
+//! From SVG to PNG.
+
+use std::sync::{Arc, OnceLock};
+
+use resvg::{
+    tiny_skia::{Color, Pixmap, Transform},
+    usvg::{Options, Tree, fontdb::Database},
+};
+
+use super::FigureError;
+
+/// PNG pixels for each pixel of the SVG: sharp on dense screens and in print.
+const SCALE: f32 = 2.0;
+
+/// The picture of an SVG document on white, with the font the program carries.
+pub fn png(svg: &str) -> Result<Vec<u8>, FigureError> {
+    let failed = |reason: String| FigureError::Drawing(reason);
+    let options = Options { fontdb: fonts(), ..Options::default() };
+    let tree = Tree::from_str(svg, &options).map_err(|error| failed(error.to_string()))?;
+    let size = tree.size().to_int_size().scale_by(SCALE);
+    let mut picture = size
+        .and_then(|size| Pixmap::new(size.width(), size.height()))
+        .ok_or_else(|| failed("it has no area".to_owned()))?;
+    picture.fill(Color::WHITE);
+    resvg::render(&tree, Transform::from_scale(SCALE, SCALE), &mut picture.as_mut());
+    picture.encode_png().map_err(|error| failed(error.to_string()))
+}
+
+/// The one font, standing in for every family a document may name.
+fn fonts() -> Arc<Database> {
+    static FONTS: OnceLock<Arc<Database>> = OnceLock::new();
+    let load = || {
+        let mut fonts = Database::new();
+        fonts.load_font_data(epaint_default_fonts::UBUNTU_LIGHT.to_vec());
+        let family = fonts
+            .faces()
+            .next()
+            .and_then(|face| face.families.first())
+            .map_or_else(String::new, |(family, _)| family.clone());
+        fonts.set_sans_serif_family(&family);
+        fonts.set_serif_family(&family);
+        Arc::new(fonts)
+    };
+    FONTS.get_or_init(load).clone()
+}

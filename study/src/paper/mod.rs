@@ -1,0 +1,17 @@
+//! The paper, reproduced: its figures, its numbers and its Table 1, beside what it prints.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | [`runs`] | the twelve simulations of section 4 |
+//! | [`figures`] | Figs. 1(b) to 5, drawn from their traces |
+//! | [`counting`] | a number that counts the operations it takes part in |
+//! | [`operations`] | Table 1, by running the laws on such numbers |
+//! | [`table`] | what the paper prints beside what comes out here |
+//! | [`columns`] | that table as text |
+
+pub mod columns;
+pub mod counting;
+pub mod figures;
+pub mod operations;
+pub mod runs;
+pub mod table;

@@ -1,0 +1,105 @@
+//! Theory beside measurement: the sampled loop linearised, and how much latency it should stand.
+//!
+//! [`linear`] is the theory, [`path`] finds the effective masses it needs, [`measure`] finds the same
+//! limit by simulating the arm in full. Both are for a constant regulating factor k: with the paper's
+//! factors k falls as the error grows, so that an unstable loop ends in a limit cycle whose size is
+//! the error at which k has fallen far enough.
+
+pub mod linear;
+pub mod measure;
+pub mod path;
+
+use mtj_model::scenario::{LawKind, Override, Scenario};
+
+use crate::{command::Failure, sweep::plan::Plan};
+use linear::LinearLoop;
+use path::Masses;
+
+/// The k that goes with errors of about 1 % of the sensitivity thresholds: the factor at which the
+/// limits are predicted, unless the scenario's ceiling is lower.
+pub const TRUST: f64 = 0.99;
+
+/// Latencies beyond this many seconds are of no interest.
+pub const MOST: f64 = 0.5;
+
+/// The keys that are latencies.
+pub const LATENCY_KEYS: [&str; 2] = ["link.torque.latency", "link.state.latency"];
+
+/// What theory says of one scenario without latency.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prediction {
+    /// The constant regulating factor, for mtj.
+    pub factor: Option<f64>,
+    /// Effective masses along the path.
+    pub masses: Masses,
+    /// Largest latency, s; `None` if the loop is not stable even without.
+    pub latency: Option<f64>,
+}
+
+/// The factor at which a scenario's limits are predicted, for a law that has one.
+pub fn factor(scenario: &Scenario) -> Option<f64> {
+    (scenario.law.kind == LawKind::Mtj).then(|| TRUST.min(scenario.law.factor.ceiling))
+}
+
+/// The linear loop of a scenario on one axis, for one effective mass, without latency.
+pub fn linear_loop(scenario: &Scenario, axis: usize, mass: f64) -> LinearLoop {
+    let law = &scenario.law;
+    // mb's gains act on accelerations: what the tip feels of them is m times as much.
+    let scale = if law.kind == LawKind::Mb { mass } else { 1.0 };
+    LinearLoop {
+        mass,
+        kp: scale * law.kp.matrix()[(axis, axis)],
+        kd: scale * law.kd.matrix()[(axis, axis)],
+        period: scenario.timing.sample_period.as_secs_f64(),
+        latency: 0.0,
+        memory: factor(scenario).map(|k| (k, law.memory.policy)),
+        predicts: law.prediction.is_some(),
+    }
+}
+
+/// Predicts the largest latency: the least over the axes and over the range of effective masses.
+pub fn predict(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Prediction, Failure> {
+    let masses = path::masses(&without_latency(scenario)?, proceed)?;
+    let mut latency = Some(MOST);
+    for axis in 0..mtj_model::PLANE {
+        for mass in [masses.least, masses.most] {
+            let limit = linear_loop(scenario, axis, mass).largest_latency(MOST);
+            latency = limit.zip(latency).map(|(a, b)| a.min(b));
+        }
+    }
+    Ok(Prediction { factor: factor(scenario), masses, latency })
+}
+
+/// Measures the largest latency of a scenario with its factor held constant at [`factor`].
+pub fn measure(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Option<f64>, Failure> {
+    let mut set = Vec::new();
+    if let Some(k) = factor(scenario) {
+        for (key, value) in
+            [("error", 1e9.into()), ("error_rate", 1e9.into()), ("ceiling", k.into())]
+        {
+            set.push(Override::value(&format!("law.factor.{key}"), value));
+        }
+        set.push(Override::text("law.factor.kind", "switch"));
+    }
+    let constant = Scenario::parse(&scenario.name, scenario.text(), &set)?;
+    measure::largest_latency(&without_latency(&constant)?, MOST, proceed)
+}
+
+/// The scenarios of a plan with its latency axis left out, each with the labels of its positions.
+pub fn scenarios(plan: &Plan) -> Result<Vec<(Vec<String>, Scenario)>, Failure> {
+    let mut plan = plan.clone();
+    let is_latency = |set: &Override| LATENCY_KEYS.contains(&set.path());
+    plan.axes
+        .retain(|axis| !axis.positions.iter().all(|position| position.set.iter().all(is_latency)));
+    (0..plan.len())
+        .map(|point| {
+            let labels = plan.positions(point).into_iter().map(|p| p.label.clone()).collect();
+            Ok((labels, without_latency(&plan.scenario(point)?)?))
+        })
+        .collect()
+}
+
+fn without_latency(scenario: &Scenario) -> Result<Scenario, Failure> {
+    let set = LATENCY_KEYS.map(|key| Override::text(key, "0 s"));
+    Ok(Scenario::parse(&scenario.name, scenario.text(), &set)?)
+}

@@ -1,0 +1,76 @@
+//! Many runs over one real bus: the plant in this process, one controller in another.
+
+use std::{cell::RefCell, process::Child};
+
+use mtj_model::scenario::{Override, Scenario};
+use mtj_plant::{
+    options::{ScenarioOptions, fresh_run_id},
+    plant::{self, Watch},
+    report::Report,
+};
+use mtj_protocol::{
+    bus::{AnyBus, BusError, Role},
+    port::PlantPort,
+};
+
+use crate::{command::Failure, launcher::Launch};
+
+/// A controller process on a bus of its own, which follows the plant from run to run.
+pub struct Session {
+    bus: AnyBus,
+    launch: Launch,
+    scenario: Scenario,
+    set: Vec<Override>,
+    controller: Option<Child>,
+}
+
+impl Session {
+    /// Opens a bus as the options say; `None` if asked to stop.
+    pub fn open(
+        options: ScenarioOptions,
+        proceed: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, Failure> {
+        let launch = Launch { trace: None, monitor: false, options };
+        let named = launch.options.load()?;
+        let launch = launch.separate(&named)?;
+        let scenario = launch.options.load()?;
+        let set = launch.options.bus.overrides();
+        let bus = AnyBus::open(&scenario.bus, Role::Plant, proceed)?;
+        Ok(bus.map(|bus| Self { bus, launch, scenario, set, controller: None }))
+    }
+
+    /// Runs a scenario on this bus; `None` if asked to stop. A controller that gave up at an earlier
+    /// scenario is replaced.
+    pub fn run(
+        &mut self,
+        scenario: &Scenario,
+        proceed: &dyn Fn() -> bool,
+    ) -> Result<Option<Report>, Failure> {
+        let scenario = Scenario::parse(&scenario.name, scenario.text(), &self.set)?;
+        let controller = match self.controller.take() {
+            Some(controller) => controller,
+            None => self.launch.controller_command(&self.scenario)?.spawn()?,
+        };
+        let controller = RefCell::new(controller);
+        let is_alive = || matches!(controller.borrow_mut().try_wait(), Ok(None));
+        let run = fresh_run_id();
+        let mut port = PlantPort::open(&self.bus, &scenario, run)?;
+        let watch = Watch { trace: false, round_trips: true };
+        let go_on = || proceed() && is_alive();
+        let outcome = plant::run(&scenario, run, &mut port, watch, &go_on)?;
+        if !is_alive() && proceed() {
+            return Err(BusError::Controller("the controller gave up".to_owned()).into());
+        }
+        self.controller = Some(controller.into_inner());
+        Ok((!outcome.interrupted).then_some(outcome.report))
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        if let Some(mut controller) = self.controller.take() {
+            drop(controller.stdin.take()); // It ends by itself when this closes.
+            let _ = controller.wait();
+        }
+    }
+}

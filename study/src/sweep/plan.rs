@@ -1,0 +1,138 @@
+//! Which points a study has.
+
+use mtj_model::scenario::{Origin, Override, Scenario, ScenarioError, Section};
+use toml::{Table, Value};
+
+use super::{
+    axis::{self, Axis, Position},
+    builtin,
+};
+
+/// A scenario, what is set in it throughout, and axes; the points are all combinations of positions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// The built-in name or the file it was read from.
+    pub name: String,
+    /// What it is about.
+    pub title: String,
+    /// The scenario.
+    pub scenario: String,
+    /// Set at every point.
+    pub set: Vec<Override>,
+    /// The last varies fastest.
+    pub axes: Vec<Axis>,
+    text: String,
+}
+
+/// More points than anybody means to ask for.
+const MOST_POINTS: usize = 10_000_000;
+
+impl Plan {
+    /// Loads a built-in study or, failing that, a file; `set` is set at every point.
+    pub fn load(name: &str, set: &[Override]) -> Result<Self, ScenarioError> {
+        let text = match builtin::built_in(name) {
+            Some(text) => text.to_owned(),
+            None => std::fs::read_to_string(name).map_err(|error| {
+                Origin::new("mtj study", Vec::new()).refuse(format!(
+                    "there is no built-in study '{name}' and the file could not be read ({error}); \
+                     'mtj study list' prints the built-in names"
+                ))
+            })?,
+        };
+        Self::parse(name, &text, set)
+    }
+
+    /// Reads a study from TOML.
+    pub fn parse(name: &str, text: &str, set: &[Override]) -> Result<Self, ScenarioError> {
+        let origin = Origin::new(name, Vec::new());
+        let table: Table = text.parse().map_err(|error: toml::de::Error| {
+            origin.refuse(format!("not TOML: {}", error.message()))
+        })?;
+        let root = Section::root(&origin, &table);
+        let mut plan = Self {
+            name: name.to_owned(),
+            title: root.optional("title", "a title", Value::as_str)?.unwrap_or(name).to_owned(),
+            scenario: root.required("scenario", "a scenario", Value::as_str)?.to_owned(),
+            set: root
+                .optional("set", "a table of keys and values", axis::overrides)?
+                .unwrap_or_default(),
+            axes: root
+                .sections("axes", "one axis or more")?
+                .into_iter()
+                .map(Axis::read)
+                .collect::<Result<_, _>>()?,
+            text: text.to_owned(),
+        };
+        root.finish()?;
+        plan.set.extend(set.iter().cloned());
+        if plan.axes.is_empty() || plan.len() > MOST_POINTS {
+            return Err(origin.refuse(format!("expected axes that make 1 to {MOST_POINTS} points")));
+        }
+        // What is wrong everywhere is said at once; what is wrong at one point is recorded there.
+        match (plan.scenario(0), plan.scenario(plan.len() - 1)) {
+            (Err(first), Err(last)) if first == last => Err(first),
+            _ => Ok(plan),
+        }
+    }
+
+    /// How many points there are.
+    pub fn len(&self) -> usize {
+        self.axes.iter().fold(1, |count, axis| count.saturating_mul(axis.positions.len()))
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The position on each axis of a point.
+    pub fn positions(&self, point: usize) -> Vec<&Position> {
+        let mut rest = point;
+        let mut positions: Vec<_> = self
+            .axes
+            .iter()
+            .rev()
+            .map(|axis| {
+                let count = axis.positions.len();
+                let position = &axis.positions[rest % count];
+                rest /= count;
+                position
+            })
+            .collect();
+        positions.reverse();
+        positions
+    }
+
+    /// Everything that is set at a point.
+    pub fn overrides(&self, point: usize) -> Vec<Override> {
+        let at = self.positions(point);
+        self.set.iter().chain(at.iter().flat_map(|position| &position.set)).cloned().collect()
+    }
+
+    /// The scenario at a point.
+    pub fn scenario(&self, point: usize) -> Result<Scenario, ScenarioError> {
+        Scenario::load(&self.scenario, &self.overrides(point))
+    }
+
+    /// The command that replays a point on its own.
+    pub fn command(&self, point: usize) -> String {
+        let set: String = self
+            .overrides(point)
+            .iter()
+            .map(|set| format!(" --set {}", quoted(&set.to_string())))
+            .collect();
+        format!("mtj run --scenario {}{set}", quoted(&self.scenario))
+    }
+
+    /// What identifies the study on disk: its text and what was set besides.
+    pub fn identity(&self) -> String {
+        let set: String = self.set.iter().map(|set| format!("# --set {set}\n")).collect();
+        format!("{}\n{set}", self.text.trim_end())
+    }
+}
+
+/// A word for a shell.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_=./:,".contains(c);
+    if word.chars().all(is_plain) { word.to_owned() } else { format!("'{word}'") }
+}

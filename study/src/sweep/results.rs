@@ -1,0 +1,317 @@
+//! Results on disk: rows that are appended as they come and survive any interruption.
+
+use std::{
+    collections::BTreeMap,
+    fs::{self, File, OpenOptions},
+    io::{self, Write},
+    path::{Path, PathBuf},
+};
+
+use mtj_plant::report::Report;
+
+use super::plan::Plan;
+
+/// The measures of a point, in the order of their columns.
+const MEASURES: [&str; 12] = [
+    "rms_error_m",
+    "peak_error_m",
+    "energy_j",
+    "peak_torque_nm",
+    "torque_step_rms_nm",
+    "diverged",
+    "samples",
+    "sent",
+    "applied",
+    "lost",
+    "rejected",
+    "error",
+];
+
+/// What came of one point: its measures, or why it could not be run.
+pub type Measured = Result<Report, String>;
+
+/// One row: the point's number, its positions, its measures, as text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Row {
+    /// Number of the point.
+    pub point: usize,
+    /// All columns, the first of which is the point's number.
+    pub fields: Vec<String>,
+}
+
+/// The header line of a study's results.
+pub fn columns(plan: &Plan) -> Vec<String> {
+    let axes = plan.axes.iter().map(|axis| match axis.unit {
+        "" => axis.name.clone(),
+        unit => format!("{}_{unit}", axis.name),
+    });
+    let measures = MEASURES.iter().map(|name| (*name).to_owned());
+    std::iter::once("point".to_owned()).chain(axes).chain(measures).collect()
+}
+
+/// A point's row. It holds nothing that depends on wall time, so that it is the same however, where
+/// and on how many threads the point was computed.
+pub fn row(plan: &Plan, point: usize, measured: &Measured) -> Row {
+    let number = |x: Option<f64>| x.map(|x| x.to_string()).unwrap_or_default();
+    let positions = plan.positions(point).into_iter().map(|position| position.label.clone());
+    let measures: [String; MEASURES.len()] = match measured {
+        Ok(report) => {
+            let peak = report.peak_torque_nm.iter().copied().fold(0.0, f64::max);
+            let commands = &report.commands;
+            [
+                number(report.rms_error_m),
+                number(report.peak_error_m),
+                number(report.energy_j),
+                number(Some(peak).filter(|x| x.is_finite())),
+                number(report.torque_step_rms_nm),
+                report.diverged.to_string(),
+                report.samples.to_string(),
+                commands.sent.to_string(),
+                commands.applied.to_string(),
+                commands.lost.to_string(),
+                commands.rejected.to_string(),
+                String::new(),
+            ]
+        }
+        Err(error) => {
+            let mut fields = <[String; MEASURES.len()]>::default();
+            fields[MEASURES.len() - 1] = error.replace('\n', " ");
+            fields
+        }
+    };
+    let fields = std::iter::once(point.to_string()).chain(positions).chain(measures).collect();
+    Row { point, fields }
+}
+
+/// Which points a process is to do: every `of`-th, beginning with the `index`-th.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// From 1.
+    pub index: usize,
+    /// How many shards there are.
+    pub of: usize,
+}
+
+impl std::str::FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text
+            .split_once('/')
+            .and_then(|(index, of)| Some((index.parse().ok()?, of.parse().ok()?)));
+        match parts {
+            Some((index, of)) if (1..=of).contains(&index) => Ok(Self { index, of }),
+            _ => Err("expected i/n with i from 1 to n, like 2/8".to_owned()),
+        }
+    }
+}
+
+impl Shard {
+    /// All points.
+    pub const ALL: Self = Self { index: 1, of: 1 };
+
+    /// Whether a point belongs to this shard.
+    pub fn has(&self, point: usize) -> bool {
+        point % self.of == self.index - 1
+    }
+
+    fn file_name(&self) -> String {
+        if self.of == 1 {
+            "results.csv".to_owned()
+        } else {
+            format!("results-{}-of-{}.csv", self.index, self.of)
+        }
+    }
+}
+
+/// A study's folder: the study itself and the rows so far.
+pub struct Results {
+    path: PathBuf,
+    file: File,
+    done: BTreeMap<usize, Row>,
+    columns: Vec<String>,
+}
+
+impl Results {
+    /// Opens a folder for a study, creating it if need be, and takes up the rows that are there. A row
+    /// that an interruption has cut short is removed.
+    pub fn open(folder: &Path, plan: &Plan, shard: Shard) -> Result<Self, String> {
+        let say = |path: &Path| {
+            let path = path.display().to_string();
+            move |error: io::Error| format!("{path}: {error}")
+        };
+        fs::create_dir_all(folder).map_err(say(folder))?;
+        claim(folder, plan)?;
+        let path = folder.join(shard.file_name());
+        let columns = columns(plan);
+        let mut done = BTreeMap::new();
+        let text = match fs::read(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
+            Err(error) => return Err(say(&path)(error)),
+        };
+        let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+        for row in read_rows(&path, &text[..whole], &columns)? {
+            done.insert(row.point, row);
+        }
+        let file = OpenOptions::new().create(true).append(true).open(&path).map_err(say(&path))?;
+        file.set_len(whole as u64).map_err(say(&path))?;
+        let mut results = Self { path, file, done, columns };
+        if whole == 0 {
+            let header = results.columns.clone();
+            results.append(&header).map_err(say(&results.path))?;
+        }
+        Ok(results)
+    }
+
+    /// Whether a point has its row.
+    pub fn has(&self, point: usize) -> bool {
+        self.done.contains_key(&point)
+    }
+
+    /// How many rows there are.
+    pub fn len(&self) -> usize {
+        self.done.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.done.is_empty()
+    }
+
+    /// Appends a row, in one write, so that an interruption leaves at most one row cut short.
+    pub fn push(&mut self, row: Row) -> Result<(), String> {
+        self.append(&row.fields).map_err(|error| {
+            format!(
+                "{}: {error}; make room and run the same command again to go on",
+                self.path.display()
+            )
+        })?;
+        self.done.insert(row.point, row);
+        Ok(())
+    }
+
+    /// Puts the rows in order, once all are there.
+    pub fn sort(self) -> Result<(), String> {
+        write_sorted(&self.path, &self.columns, self.done.values())
+    }
+
+    fn append(&mut self, fields: &[String]) -> io::Result<()> {
+        self.file.write_all(&line(fields)?)
+    }
+}
+
+/// Notes in the folder which study it holds, or checks that it is this one.
+fn claim(folder: &Path, plan: &Plan) -> Result<(), String> {
+    let path = folder.join("study.toml");
+    let identity = plan.identity();
+    match fs::read_to_string(&path) {
+        Ok(text) if text == identity => Ok(()),
+        Ok(_) => Err(format!(
+            "{} holds the results of another study; choose another folder with --out",
+            folder.display()
+        )),
+        Err(_) => {
+            let new = folder.join(format!("study.toml.{}", std::process::id()));
+            fs::write(&new, identity)
+                .and_then(|()| fs::rename(&new, &path))
+                .map_err(|error| format!("{}: {error}", path.display()))
+        }
+    }
+}
+
+/// Joins the results of shards, whatever folders they are in, into one file in the first; returns the
+/// numbers of the points that are missing.
+pub fn merge(folders: &[PathBuf], plan: &Plan) -> Result<Vec<usize>, String> {
+    let columns = columns(plan);
+    let mut rows = BTreeMap::new();
+    for folder in folders {
+        claim(folder, plan)?;
+        let entries =
+            fs::read_dir(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        for path in entries.flatten().map(|entry| entry.path()) {
+            let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+            if name.starts_with("results") && name.ends_with(".csv") {
+                let text =
+                    fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+                let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+                for row in read_rows(&path, &text[..whole], &columns)? {
+                    if let Some(other) = rows.get(&row.point)
+                        && *other != row
+                    {
+                        return Err(format!(
+                            "point {} has two different results, one in {}",
+                            row.point,
+                            path.display()
+                        ));
+                    }
+                    rows.insert(row.point, row);
+                }
+            }
+        }
+    }
+    let Some(first) = folders.first() else { return Ok((0..plan.len()).collect()) };
+    write_sorted(&first.join(Shard::ALL.file_name()), &columns, rows.values())?;
+    Ok((0..plan.len()).filter(|point| !rows.contains_key(point)).collect())
+}
+
+/// The rows of a folder's merged results, in order.
+pub fn read(folder: &Path, plan: &Plan) -> Result<Vec<Row>, String> {
+    let path = folder.join(Shard::ALL.file_name());
+    let text = fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let mut rows = read_rows(&path, &text, &columns(plan))?;
+    rows.sort_by_key(|row| row.point);
+    Ok(rows)
+}
+
+fn read_rows(path: &Path, text: &[u8], columns: &[String]) -> Result<Vec<Row>, String> {
+    let mut reader = csv::ReaderBuilder::new().has_headers(false).from_reader(text);
+    let mut rows = Vec::new();
+    for (number, record) in reader.records().enumerate() {
+        let fields: Vec<String> = record
+            .map_err(|error| format!("{}: {error}", path.display()))?
+            .iter()
+            .map(str::to_owned)
+            .collect();
+        if number == 0 && fields == columns {
+            continue;
+        }
+        let point = fields.first().and_then(|field| field.parse().ok());
+        match point {
+            Some(point) if number > 0 && fields.len() == columns.len() => {
+                rows.push(Row { point, fields })
+            }
+            _ => {
+                return Err(format!(
+                    "{}, line {}: not a row of this study",
+                    path.display(),
+                    number + 1
+                ));
+            }
+        }
+    }
+    Ok(rows)
+}
+
+fn write_sorted<'a>(
+    path: &Path,
+    columns: &[String],
+    rows: impl Iterator<Item = &'a Row>,
+) -> Result<(), String> {
+    let new = path.with_extension(format!("{}.new", std::process::id()));
+    let write = || -> io::Result<()> {
+        let mut text = line(columns)?;
+        for row in rows {
+            text.extend(line(&row.fields)?);
+        }
+        fs::write(&new, text)?;
+        fs::rename(&new, path)
+    };
+    write().map_err(|error| format!("{}: {error}", path.display()))
+}
+
+fn line(fields: &[String]) -> io::Result<Vec<u8>> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(fields)?;
+    writer.into_inner().map_err(|error| error.into_error())
+}
