@@ -264,6 +264,15 @@ fn topics_and_sessions_do_not_mix<R: Rig>() {
     assert_eq!(torques.malformed() + errors.malformed() + statuses.malformed(), 0);
 }
 
+/// Tells a thread to end, even where an assertion fails before it is told.
+struct SetOnDrop<'a>(&'a AtomicBool);
+
+impl Drop for SetOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
+    }
+}
+
 fn a_monitor_loses_nothing_at_a_kilohertz_beside_a_loop<R: Rig>() {
     const SAMPLES: u64 = 10_000;
     let rig = R::new();
@@ -273,6 +282,7 @@ fn a_monitor_loses_nothing_at_a_kilohertz_beside_a_loop<R: Rig>() {
     let (attached, over) = (AtomicBool::new(false), AtomicBool::new(false));
     thread::scope(|scope| {
         let (rig, attached, over) = (&rig, &attached, &over);
+        let _end = SetOnDrop(over);
         let controller = scope.spawn(move || {
             let bus = rig.join(Role::Other);
             let mut latest = bus.reader::<StateSample>(Depth::Latest, Wait::Block).unwrap();
@@ -298,11 +308,13 @@ fn a_monitor_loses_nothing_at_a_kilohertz_beside_a_loop<R: Rig>() {
             }
             expected
         };
-        let began = Instant::now();
+        let mut due = Instant::now();
         for k in 0..SAMPLES {
-            let due = began + Duration::from_millis(k);
             thread::sleep(due.saturating_duration_since(Instant::now()));
             writer.write(&state(first + k)).unwrap();
+            // A writer that was held up goes on at its rate: what it missed is not a burst.
+            let soonest = Instant::now() + Duration::from_micros(500);
+            due = (due + Duration::from_millis(1)).max(soonest);
             if k % 20 == 0 {
                 drain();
             }
