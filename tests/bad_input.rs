@@ -1,6 +1,8 @@
 //! What cannot be, is refused: in one sentence on standard error, with status 2, and nothing left
 //! running.
 
+#![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
+
 mod session;
 
 use std::{fs, net::TcpListener, thread, time::Duration};

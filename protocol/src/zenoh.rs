@@ -27,6 +27,10 @@ use crate::{
 
 /// How long to wait before trying to connect once more.
 const RETRY: Duration = Duration::from_millis(100);
+/// How many samples may wait for Zenoh's sending thread before one is dropped: the most that Zenoh
+/// allows. Its default of 2 loses samples of a monitor's stream at 1 kHz whenever the thread gets no
+/// core for some milliseconds; the loop reads the newest anyway.
+const QUEUE: usize = 16;
 /// How long an answer to a query may take.
 const QUERY_TIMEOUT: Duration = Duration::from_secs(1);
 
@@ -99,6 +103,7 @@ fn configure(settings: &BusSettings, role: Role) -> Result<Config, BusError> {
         set("scouting/gossip/enabled", "false".to_owned())?;
         set("mode", if role == Role::Plant { "\"peer\"" } else { "\"client\"" }.to_owned())?;
         set("listen/endpoints", "[]".to_owned())?;
+        set("transport/link/tx/queue/size/real_time", QUEUE.to_string())?;
     }
     match role {
         Role::Plant if ours || settings.listen.is_some() => {
