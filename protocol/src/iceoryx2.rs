@@ -277,12 +277,12 @@ fn wait_readable(listener: &Listener<ipc::Service>, patience: Duration) {
 /// Removes the node counter that iceoryx2 leaves in shared memory, once no process uses it.
 #[expect(unsafe_code, reason = "iceoryx2 has no other call for it")]
 fn sweep(config: &Config) {
-    let mut nodes = 0;
-    let counted = Node::<ipc::Service>::list(config, |_| {
-        nodes += 1;
-        CallbackProgression::Stop
+    let mut is_in_use = false;
+    let listed = Node::<ipc::Service>::list(config, |node| {
+        is_in_use |= !matches!(node, NodeState::Dead(_));
+        CallbackProgression::Continue
     });
-    if counted.is_ok() && nodes == 0 {
+    if listed.is_ok() && !is_in_use {
         // SAFETY: no node is left in our domain. Should one start at this moment, it keeps the
         // segment it has mapped, and node ids stay unique by their process ids.
         let _ = unsafe { iceoryx2::testing::remove_global_mgmt_segment::<ipc::Service>(config) };
