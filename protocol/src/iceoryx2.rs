@@ -278,7 +278,12 @@ fn wait_readable(listener: &Listener<ipc::Service>, patience: Duration) {
 #[expect(unsafe_code, reason = "iceoryx2 has no other call for it")]
 fn sweep(config: &Config) {
     let mut nodes = 0;
-    let counted = Node::<ipc::Service>::list(config, |_| {
+    // Dead nodes use nothing. Some stay listed: a node killed while its remains were cleared away has
+    // lost the file that tells iceoryx2 our domain, and is sought in the default one from then on.
+    let counted = Node::<ipc::Service>::list(config, |node| {
+        if matches!(node, NodeState::Dead(_)) {
+            return CallbackProgression::Continue;
+        }
         nodes += 1;
         CallbackProgression::Stop
     });
