@@ -277,6 +277,8 @@ fn wait_readable(listener: &Listener<ipc::Service>, patience: Duration) {
 /// Removes the node counter that iceoryx2 leaves in shared memory, once no process uses it.
 #[expect(unsafe_code, reason = "iceoryx2 has no other call for it")]
 fn sweep(config: &Config) {
+    // Dead nodes use nothing. Some stay listed: a node killed while its remains were cleared away has
+    // lost the file that tells iceoryx2 our domain, and is sought in the default one from then on.
     let mut is_in_use = false;
     let listed = Node::<ipc::Service>::list(config, |node| {
         is_in_use |= !matches!(node, NodeState::Dead(_));
