@@ -35,7 +35,7 @@ impl Up {
             self.scenario.bus.bus = Some(BusKind::Iceoryx2.name().to_owned());
             scenario = self.scenario.load()?;
         }
-        eprintln!(
+        println!(
             "mtj up: {} under {} over {}, T_s = {:?}; Ctrl-C ends it",
             scenario.name,
             scenario.law.kind.name(),
