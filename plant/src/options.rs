@@ -11,10 +11,11 @@ use std::{
 use clap::Args;
 use mtj_model::scenario::{Override, Scenario, ScenarioError};
 use mtj_protocol::{
-    bus::{AnyBus, BusError, Role},
+    bus::{BusError, Role},
     options::BusOptions,
     port::PlantPort,
     shutdown::Shutdown,
+    transport::AnyBus,
 };
 
 use crate::{

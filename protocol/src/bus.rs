@@ -1,4 +1,4 @@
-//! The bus: one trait, and a file for each transport.
+//! The bus: the trait that every transport is.
 //!
 //! A bus moves samples of a topic from writers to readers, and a scenario from a plant to whoever
 //! asks. It knows nothing of control: which topics a role may write is decided in [`crate::port`],
@@ -6,14 +6,9 @@
 
 use std::{fmt, time::Instant};
 
-use mtj_model::scenario::{BusKind, BusSettings, Wait};
+use mtj_model::scenario::Wait;
 
-use crate::{local::LocalBus, sample::Sample};
-
-#[cfg(feature = "iceoryx2")]
-use crate::iceoryx2::Iceoryx2Bus;
-#[cfg(feature = "zenoh")]
-use crate::zenoh::ZenohBus;
+use crate::sample::Sample;
 
 /// Something that moves samples.
 pub trait Bus {
@@ -116,78 +111,4 @@ pub enum Role {
     Plant,
     /// Answers states with torques, or only listens.
     Other,
-}
-
-/// Any of the transports, chosen at run time.
-pub enum AnyBus {
-    /// In one process.
-    Local(LocalBus),
-    /// Shared memory.
-    #[cfg(feature = "iceoryx2")]
-    Iceoryx2(Iceoryx2Bus),
-    /// Zenoh.
-    #[cfg(feature = "zenoh")]
-    Zenoh(ZenohBus),
-}
-
-impl AnyBus {
-    /// Whether the bus could be joined, as far as that is known without doing so.
-    pub fn check(settings: &BusSettings) -> Result<(), BusError> {
-        match settings.kind {
-            #[cfg(feature = "zenoh")]
-            BusKind::Zenoh => ZenohBus::check(settings),
-            _ => Ok(()),
-        }
-    }
-
-    /// Joins the bus that the settings name. On Zenoh everyone but the plant waits for somebody to
-    /// connect to, as long as `proceed` says so; `None` when it no longer does.
-    pub fn open(
-        settings: &BusSettings,
-        role: Role,
-        proceed: &dyn Fn() -> bool,
-    ) -> Result<Option<Self>, BusError> {
-        match settings.kind {
-            BusKind::Local => Err(BusError::Settings(
-                "bus.kind = \"local\" stays within one process; roles of their own need iceoryx2 or zenoh"
-                    .to_owned(),
-            )),
-            #[cfg(feature = "iceoryx2")]
-            BusKind::Iceoryx2 => Ok(Some(Self::Iceoryx2(Iceoryx2Bus::open(&settings.session)?))),
-            #[cfg(feature = "zenoh")]
-            BusKind::Zenoh => Ok(ZenohBus::open(settings, role, proceed)?.map(Self::Zenoh)),
-            #[cfg(not(all(feature = "iceoryx2", feature = "zenoh")))]
-            kind => {
-                let _ = (role, proceed);
-                Err(BusError::Settings(format!("this program was built without {}", kind.name())))
-            }
-        }
-    }
-}
-
-macro_rules! on_any {
-    ($self:ident, $bus:ident => $call:expr) => {
-        match $self {
-            Self::Local($bus) => $call,
-            #[cfg(feature = "iceoryx2")]
-            Self::Iceoryx2($bus) => $call,
-            #[cfg(feature = "zenoh")]
-            Self::Zenoh($bus) => $call,
-        }
-    };
-}
-
-impl Bus for AnyBus {
-    fn writer<S: Sample>(&self) -> Result<Box<dyn Writer<S>>, BusError> {
-        on_any!(self, bus => bus.writer())
-    }
-    fn reader<S: Sample>(&self, depth: Depth, wait: Wait) -> Result<Box<dyn Reader<S>>, BusError> {
-        on_any!(self, bus => bus.reader(depth, wait))
-    }
-    fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {
-        on_any!(self, bus => bus.offer(bytes))
-    }
-    fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
-        on_any!(self, bus => bus.fetch())
-    }
 }

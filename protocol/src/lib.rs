@@ -3,8 +3,8 @@
 //! ```text
 //! port      what each role may say and hear          PlantPort, ControllerPort, MonitorPort
 //! gate      what is acceptable                       version, run, order, finite numbers
+//! transport the one that a scenario names            AnyBus: local, iceoryx2, zenoh, a file each
 //! bus       moving samples: one trait                Bus, Writer, Reader, Offering
-//! transport a file each                              local, iceoryx2, zenoh
 //! codec     samples as bytes                         bincode, fixed-width little-endian
 //! sample    the samples                              repr(C), no pointers, no padding
 //! ```
@@ -22,5 +22,6 @@ pub mod options;
 pub mod port;
 pub mod sample;
 pub mod shutdown;
+pub mod transport;
 #[cfg(feature = "zenoh")]
 pub mod zenoh;

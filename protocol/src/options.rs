@@ -3,7 +3,13 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use mtj_model::scenario::{BusSettings, Override, ScenarioError};
+use mtj_model::scenario::{BusSettings, Override, ScenarioError, Wait};
+
+use crate::{
+    bus::{BusError, Role},
+    shutdown::Shutdown,
+    transport::AnyBus,
+};
 
 /// Where the others are. Each option stands for a key of the scenario's `[bus]` table.
 #[derive(Args, Clone, Debug, Default)]
@@ -78,5 +84,37 @@ impl BusOptions {
             }
         };
         self.pairs().into_iter().flat_map(|(key, value)| [flag(key), value]).collect()
+    }
+}
+
+/// The options of a role that gets its scenario from the plant.
+#[derive(Args, Clone, Debug)]
+pub struct RoleOptions {
+    /// Where the plant is.
+    #[command(flatten)]
+    pub bus: BusOptions,
+    /// Stop when standard input ends
+    #[arg(long, hide = true)]
+    pub until_stdin_closes: bool,
+}
+
+impl RoleOptions {
+    /// From now on the role stops when it is asked to.
+    pub fn shutdown(&self) -> Shutdown {
+        let shutdown = Shutdown::on_signals();
+        if self.until_stdin_closes { shutdown.when_stdin_closes() } else { shutdown }
+    }
+
+    /// Joins the bus; `None` if asked to stop meanwhile.
+    pub fn join(&self, shutdown: Shutdown) -> Result<Option<AnyBus>, BusError> {
+        let settings =
+            self.bus.settings().map_err(|error| BusError::Settings(error.to_string()))?;
+        AnyBus::open(&settings, Role::Other, &|| shutdown.proceed())
+    }
+
+    /// How the user wants the role to wait, if that was said.
+    pub fn wait(&self) -> Option<Wait> {
+        self.bus.wait.as_ref()?;
+        self.bus.settings().ok().map(|settings| settings.wait)
     }
 }

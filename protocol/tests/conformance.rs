@@ -13,13 +13,14 @@ use std::{
 use ::zenoh::Wait as _;
 use mtj_model::scenario::{BusSettings, Override, Scenario, Wait, built_in};
 use mtj_protocol::{
-    bus::{AnyBus, Bus, Depth, Reader, Role, Writer, receive},
+    bus::{Bus, Depth, Reader, Role, Writer, receive},
     codec::{Offer, encode_offer},
     local::LocalBus,
     port::{
         Answer, ControllerPort, Exchange, Heard, Message, MonitorPort, PlantPort, fetch_scenario,
     },
     sample::{ErrorSample, Header, Sample, StateSample, StatusSample, TorqueSample, VERSION},
+    transport::AnyBus,
 };
 
 /// A way to make buses of one session: what the suite is generic over.

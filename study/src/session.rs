@@ -9,8 +9,9 @@ use mtj_plant::{
     report::Report,
 };
 use mtj_protocol::{
-    bus::{AnyBus, BusError, Role},
+    bus::{BusError, Role},
     port::PlantPort,
+    transport::AnyBus,
 };
 
 use crate::{command::Failure, launcher::Launch};

@@ -6,7 +6,7 @@ use mtj_plant::{
     options::{OutputOptions, ScenarioOptions},
     report::Report,
 };
-use mtj_protocol::{bus::AnyBus, shutdown::Shutdown};
+use mtj_protocol::{shutdown::Shutdown, transport::AnyBus};
 
 use super::Failure;
 use crate::{experiment, launcher::Launch};

@@ -1,0 +1,88 @@
+//! The transport that a scenario names, chosen at run time.
+
+use mtj_model::scenario::{BusKind, BusSettings, Wait};
+
+use crate::{
+    bus::{Bus, BusError, Depth, Offering, Reader, Role, Writer},
+    local::LocalBus,
+    sample::Sample,
+};
+
+#[cfg(feature = "iceoryx2")]
+use crate::iceoryx2::Iceoryx2Bus;
+#[cfg(feature = "zenoh")]
+use crate::zenoh::ZenohBus;
+
+/// Any of the transports, chosen at run time.
+pub enum AnyBus {
+    /// In one process.
+    Local(LocalBus),
+    /// Shared memory.
+    #[cfg(feature = "iceoryx2")]
+    Iceoryx2(Iceoryx2Bus),
+    /// Zenoh.
+    #[cfg(feature = "zenoh")]
+    Zenoh(ZenohBus),
+}
+
+impl AnyBus {
+    /// Whether the bus could be joined, as far as that is known without doing so.
+    pub fn check(settings: &BusSettings) -> Result<(), BusError> {
+        match settings.kind {
+            #[cfg(feature = "zenoh")]
+            BusKind::Zenoh => ZenohBus::check(settings),
+            _ => Ok(()),
+        }
+    }
+
+    /// Joins the bus that the settings name. On Zenoh everyone but the plant waits for somebody to
+    /// connect to, as long as `proceed` says so; `None` when it no longer does.
+    pub fn open(
+        settings: &BusSettings,
+        role: Role,
+        proceed: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, BusError> {
+        match settings.kind {
+            BusKind::Local => Err(BusError::Settings(
+                "bus.kind = \"local\" stays within one process; roles of their own need iceoryx2 or zenoh"
+                    .to_owned(),
+            )),
+            #[cfg(feature = "iceoryx2")]
+            BusKind::Iceoryx2 => Ok(Some(Self::Iceoryx2(Iceoryx2Bus::open(&settings.session)?))),
+            #[cfg(feature = "zenoh")]
+            BusKind::Zenoh => Ok(ZenohBus::open(settings, role, proceed)?.map(Self::Zenoh)),
+            #[cfg(not(all(feature = "iceoryx2", feature = "zenoh")))]
+            kind => {
+                let _ = (role, proceed);
+                Err(BusError::Settings(format!("this program was built without {}", kind.name())))
+            }
+        }
+    }
+}
+
+macro_rules! on_any {
+    ($self:ident, $bus:ident => $call:expr) => {
+        match $self {
+            Self::Local($bus) => $call,
+            #[cfg(feature = "iceoryx2")]
+            Self::Iceoryx2($bus) => $call,
+            #[cfg(feature = "zenoh")]
+            Self::Zenoh($bus) => $call,
+        }
+    };
+}
+
+impl Bus for AnyBus {
+    fn writer<S: Sample>(&self) -> Result<Box<dyn Writer<S>>, BusError> {
+        on_any!(self, bus => bus.writer())
+    }
+    fn reader<S: Sample>(&self, depth: Depth, wait: Wait) -> Result<Box<dyn Reader<S>>, BusError> {
+        on_any!(self, bus => bus.reader(depth, wait))
+    }
+    fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {
+        on_any!(self, bus => bus.offer(bytes))
+    }
+    fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
+        on_any!(self, bus => bus.fetch())
+    }
+}
