@@ -8,3 +8,4 @@ pub mod paper;
 pub mod predict;
 pub mod session;
 pub mod sweep;
+pub mod tune;

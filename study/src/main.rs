@@ -7,7 +7,8 @@ use mtj_controller::options::ControllerOptions;
 use mtj_monitor::options::MonitorOptions;
 use mtj_plant::options::PlantOptions;
 use mtj_study::command::{
-    Failure, paper::Paper, run::Run, scenario::ScenarioCommand, study::StudyCommand, up::Up,
+    Failure, paper::Paper, run::Run, scenario::ScenarioCommand, study::StudyCommand, tune::Tune,
+    up::Up,
 };
 
 /// Close a robot's control loop over a bus, and study what sample period and latency do to it
@@ -28,6 +29,7 @@ enum Command {
     Paper(Paper),
     Scenario(ScenarioCommand),
     Study(StudyCommand),
+    Tune(Tune),
 }
 
 fn main() -> ExitCode {
@@ -56,5 +58,6 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Paper(paper) => paper.run(),
         Command::Scenario(scenario) => scenario.run(),
         Command::Study(study) => study.run(),
+        Command::Tune(tune) => tune.run(),
     }
 }

@@ -5,6 +5,7 @@ pub mod predict;
 pub mod run;
 pub mod scenario;
 pub mod study;
+pub mod tune;
 pub mod up;
 
 use std::{fmt, io};

@@ -1,0 +1,248 @@
+//! What theory allows.
+
+use mtj_model::{PLANE, for_links, scenario::Override, scenario::Scenario};
+use nalgebra::{SMatrix, SVector};
+
+use super::{MARGIN, Memory, Values, Wanted, trial, verify};
+use crate::{
+    command::Failure,
+    predict::{TRUST, linear::LinearLoop, path},
+};
+
+/// Of K_d T_s/m < 2, which a held damping force needs, half is kept as a margin.
+const HELD_DAMPING: f64 = 1.0;
+/// Initial errors are taken to be no smaller than this, m.
+const SMALLEST_ERROR: f64 = 0.01;
+
+/// What the limits depend on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Arm {
+    /// The smallest and largest effective mass, kg.
+    pub masses: path::Masses,
+    /// T_s, s.
+    pub period: f64,
+    /// ‖e‖ at the start, m.
+    pub initial_error: f64,
+    /// |Jᵀ (ė + e/τ)| at the start: the first command's torque for K_d = 1.
+    pub first_torque: Vec<f64>,
+    /// Peak torque that the motion itself needs after the transient, N m.
+    pub motion_torque: Vec<f64>,
+    /// Whether the motion's torque is from the model-based law, and so no other law's fault.
+    pub motion_is_exact: bool,
+}
+
+/// A largest K_d, and what limits it if anything new does.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bound<R> {
+    /// N s/m.
+    pub kd: f64,
+    /// In one line.
+    pub reason: R,
+}
+
+/// The torque that the motion takes: peaks over the whole run and over its second half. By the
+/// model-based law where the arm has one, else by the scenario's own; without latency.
+pub fn motion(
+    scenario: &Scenario,
+    proceed: &dyn Fn() -> bool,
+) -> Result<verify::Verification, Failure> {
+    let none = Wanted {
+        time_constant_s: 1.0,
+        torque_limit_nm: Vec::new(),
+        latency_s: 0.0,
+        sets_latency: true,
+    };
+    let mut set = Vec::new();
+    if scenario.arm.links.len() == PLANE {
+        set.extend([
+            Override::text("law.kind", "mb"),
+            Override::value("law.kp", 25.0.into()),
+            Override::value("law.kd", 10.0.into()),
+        ]);
+    }
+    verify::run(&trial(scenario, &none, 0.0, &set)?, proceed)
+}
+
+impl Arm {
+    /// Of a scenario, for what is wanted.
+    pub fn of(
+        scenario: &Scenario,
+        wanted: &Wanted,
+        proceed: &dyn Fn() -> bool,
+    ) -> Result<Self, Failure> {
+        let still = trial(scenario, wanted, 0.0, &[])?;
+        let masses = path::masses(&still, proceed)?;
+        let motion = motion(scenario, proceed)?;
+        let tau = wanted.time_constant_s;
+        let (initial_error, first_torque) =
+            for_links!(scenario.arm.links.len(), N => start::<N>(scenario, tau));
+        Ok(Self {
+            masses,
+            period: scenario.timing.sample_period.as_secs_f64(),
+            initial_error: initial_error.max(SMALLEST_ERROR),
+            first_torque,
+            motion_torque: motion.settled_torque_nm,
+            motion_is_exact: scenario.arm.links.len() == PLANE,
+        })
+    }
+
+    /// Refuses a torque limit that the motion itself exceeds, whatever the law.
+    pub fn check_motion(&self, wanted: &Wanted) -> Result<(), Failure> {
+        if !self.motion_is_exact {
+            return Ok(());
+        }
+        let pairs = self.motion_torque.iter().zip(&wanted.torque_limit_nm);
+        for (joint, (needed, limit)) in (1..).zip(pairs) {
+            if needed > limit {
+                return Err(Failure::from(format!(
+                    "no gains satisfy the torque limit: the motion itself takes {needed:.3} N m at \
+                     joint {joint}, the limit is {limit} N m"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// The largest K_d by held damping and by the first command's torque.
+    pub fn gain_limit(&self, wanted: &Wanted) -> Bound<String> {
+        let held = HELD_DAMPING * self.masses.least / self.period;
+        let mut bound = Bound {
+            kd: held,
+            reason: format!(
+                "held damping: K_d T_s/m < 2, kept at {HELD_DAMPING} on the least effective mass, {:.2} kg",
+                self.masses.least
+            ),
+        };
+        let pairs = self.first_torque.iter().zip(&wanted.torque_limit_nm);
+        for (joint, (unit, limit)) in (1..).zip(pairs) {
+            if unit * bound.kd > *limit {
+                bound = Bound {
+                    kd: limit / unit,
+                    reason: format!(
+                        "torque: the initial error alone asks for {limit} N m at joint {joint}"
+                    ),
+                };
+            }
+        }
+        bound
+    }
+
+    /// The loop on one mass at [`MARGIN`] times the latency.
+    fn linear(&self, kd: f64, mass: f64, k: f64, memory: Memory, wanted: &Wanted) -> LinearLoop {
+        LinearLoop {
+            mass,
+            kp: kd / wanted.time_constant_s,
+            kd,
+            period: self.period,
+            latency: MARGIN * wanted.latency_s,
+            memory: Some((k, memory.policy)),
+            predicts: memory.predicts,
+        }
+    }
+
+    /// Whether the loop is stable at [`MARGIN`] times the latency and at it, on the least and the
+    /// largest mass, with k at [`TRUST`].
+    fn stands(&self, kd: f64, memory: Memory, wanted: &Wanted) -> bool {
+        [self.masses.least, self.masses.most].into_iter().all(|mass| {
+            let far = self.linear(kd, mass, TRUST, memory, wanted);
+            let near = LinearLoop { latency: wanted.latency_s, ..far };
+            far.spectral_radius() < 1.0 && near.spectral_radius() < 1.0
+        })
+    }
+
+    /// The largest K_d, up to `most`, with which a memory stands the latency; or why none does. One
+    /// that may not be lowered must stand it at `most`.
+    pub fn gain_for_memory(
+        &self,
+        memory: Memory,
+        wanted: &Wanted,
+        most: f64,
+        may_lower: bool,
+    ) -> Result<Bound<Option<String>>, String> {
+        if self.stands(most, memory, wanted) {
+            return Ok(Bound { kd: most, reason: None });
+        }
+        let mut kd = most;
+        while may_lower && kd > most / 1e3 {
+            kd *= 0.97;
+            if self.stands(kd, memory, wanted) {
+                let reason = Some(format!(
+                    "latency: the linear loop must stand {MARGIN} x {:.3} ms on {:.2} to {:.2} kg",
+                    wanted.latency_s * 1e3,
+                    self.masses.least,
+                    self.masses.most
+                ));
+                return Ok(Bound { kd, reason });
+            }
+        }
+        let largest = match self.largest_latency(most, memory, wanted) {
+            Some(latency) => format!("stands {:.3} ms", latency * 1e3),
+            None => "is not stable even without latency".to_owned(),
+        };
+        Err(format!(
+            "with K_d = {most:.3} and k = {TRUST} the loop {largest}; {:.3} ms are needed",
+            MARGIN * wanted.latency_s * 1e3
+        ))
+    }
+
+    /// The largest latency a memory stands, over the masses.
+    fn largest_latency(&self, kd: f64, memory: Memory, wanted: &Wanted) -> Option<f64> {
+        let limits = [self.masses.least, self.masses.most].map(|mass| {
+            let most = (10.0 * wanted.latency_s).max(0.05);
+            self.linear(kd, mass, TRUST, memory, wanted).largest_latency(most)
+        });
+        limits[0].zip(limits[1]).map(|(a, b)| a.min(b))
+    }
+
+    /// Why a memory was chosen, by its margin.
+    pub fn explain_memory(&self, values: &Values, wanted: &Wanted) -> String {
+        let stands = self
+            .largest_latency(values.kd, values.memory, wanted)
+            .map_or("no latency".to_owned(), |latency| format!("{:.3} ms", latency * 1e3));
+        format!("the linear loop stands {stands}; the latency is {:.3} ms", wanted.latency_s * 1e3)
+    }
+
+    /// 1 − k that the loop needs at [`MARGIN`] times the latency, on the worst mass.
+    pub fn least_leak(&self, values: &Values, wanted: &Wanted) -> f64 {
+        let is_stable = |leak: f64| {
+            [self.masses.least, self.masses.most].into_iter().all(|mass| {
+                self.linear(values.kd, mass, 1.0 - leak, values.memory, wanted).spectral_radius()
+                    < 1.0
+            })
+        };
+        let (mut below, mut above) = (0.0, 1.0);
+        if is_stable(below) {
+            return 0.0;
+        }
+        for _ in 0..20 {
+            let middle = 0.5 * (below + above);
+            if is_stable(middle) { above = middle } else { below = middle }
+        }
+        above
+    }
+
+    /// Why these thresholds.
+    pub fn explain_thresholds(&self, values: &Values) -> String {
+        let multiple = values.error / self.initial_error;
+        let k = (-self.initial_error / values.error).exp();
+        format!(
+            "e_max = {multiple:.1} x the initial error, so that k > {k:.2} once it decays; of {:?} x the \
+             least rms error in simulation",
+            super::THRESHOLDS
+        )
+    }
+}
+
+/// ‖e‖ and |Jᵀ (ė + e/τ)| at the start.
+fn start<const N: usize>(scenario: &Scenario, tau: f64) -> (f64, Vec<f64>) {
+    let arm = scenario.arm.build::<N>();
+    let q = SVector::from_fn(|i, _| scenario.arm.position[i]);
+    let q_dot = SVector::from_fn(|i, _| scenario.arm.velocity[i]);
+    let pose = arm.pose(&q, &q_dot);
+    let desired = scenario.trajectory.at(0.0);
+    let error: SVector<f64, PLANE> = desired.position - pose.tip::<PLANE>();
+    let rate: SVector<f64, PLANE> = desired.velocity - pose.tip_velocity::<PLANE>();
+    let jacobian: SMatrix<f64, PLANE, N> = pose.jacobian();
+    let torque = jacobian.transpose() * (rate + error / tau);
+    (error.norm(), torque.iter().map(|t| t.abs()).collect())
+}

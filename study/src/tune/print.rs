@@ -1,0 +1,124 @@
+//! A proposal in words, as JSON, and as something to paste.
+
+use std::fmt::Write;
+
+use mtj_model::scenario::Override;
+use serde_json::{Value, json};
+
+use super::{MARGIN, Proposal, Wanted, verify::Verification};
+
+/// The `[law]` tables to paste into a scenario.
+pub fn snippet(proposal: &Proposal) -> String {
+    let v = &proposal.values;
+    let mut text = format!(
+        "[law]\nkind = \"mtj\"\nkp = {}\nkd = {}\n\n[law.factor]\nkind = \"exponential\"\nerror = {}\n\
+         error_rate = {}\nceiling = 1.0\n\n[law.memory]\npolicy = \"{}\"\n",
+        v.kp,
+        v.kd,
+        v.error,
+        v.error_rate,
+        v.memory.policy_name()
+    );
+    if v.memory.predicts {
+        text.push_str("\n[law.prediction]\nhorizon = \"measured\"\n");
+    }
+    text
+}
+
+/// The command that replays the verification.
+pub fn command(scenario: &str, set: &[Override]) -> String {
+    let mut text = format!("mtj run --scenario {}", quoted(scenario));
+    for set in set {
+        let _ = write!(text, " --set {}", quoted(&set.to_string()));
+    }
+    text
+}
+
+/// As one word for a shell.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._=-+:,".contains(c);
+    if word.chars().all(is_plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
+}
+
+/// The table for people.
+pub fn table(proposal: &Proposal, wanted: &Wanted, limit_source: &str) -> String {
+    let v = &proposal.values;
+    let lines = [
+        ("wanted", format!("K_d/K_p = {} s", wanted.time_constant_s), String::new()),
+        ("torque limit", torques(&wanted.torque_limit_nm), limit_source.to_owned()),
+        ("K_d", format!("{} N s/m", v.kd), proposal.gain_reason.clone()),
+        ("K_p", format!("{} N/m", v.kp), "K_d over the time constant".to_owned()),
+        ("memory", v.memory.name().to_owned(), proposal.memory_reason.clone()),
+        (
+            "thresholds",
+            format!("{} m, {} m/s", v.error, v.error_rate),
+            proposal.threshold_reason.clone(),
+        ),
+    ];
+    let mut text = String::new();
+    for (name, value, reason) in lines {
+        let _ = writeln!(text, "{}", format!("{name:<13} {value:<26} {reason}").trim_end());
+    }
+    for line in &proposal.given_up {
+        let _ = writeln!(text, "given up      {line}");
+    }
+    text.push('\n');
+    let _ = writeln!(
+        text,
+        "{:<28} {:>10}  {:>13}  peak torque",
+        "verified by simulation", "rms error", "time constant"
+    );
+    let rows = [
+        ("with the latency".to_owned(), &proposal.verified),
+        (format!("with {MARGIN} x the latency"), &proposal.with_margin),
+        ("the scenario as it stands".to_owned(), &proposal.as_it_stands),
+    ];
+    for (name, row) in rows {
+        let _ = writeln!(text, "{name:<28} {}", verification(row));
+    }
+    text
+}
+
+fn verification(row: &Verification) -> String {
+    let rms = match row.rms() {
+        rms if rms.is_finite() => format!("{:.2} mm", rms * 1e3),
+        _ => "runs away".to_owned(),
+    };
+    let tau = row.time_constant_s.map_or("-".to_owned(), |tau| format!("{tau:.2} s"));
+    format!("{rms:>10}  {tau:>13}  {}", torques(&row.peak_torque_nm))
+}
+
+fn torques(list: &[f64]) -> String {
+    let list: Vec<_> = list.iter().map(|torque| format!("{torque:.2}")).collect();
+    format!("{} N m", list.join(", "))
+}
+
+/// One object for machines.
+pub fn object(proposal: &Proposal, wanted: &Wanted, source: &str, command: &str) -> Value {
+    let v = &proposal.values;
+    json!({
+        "wanted": wanted,
+        "torque_limit_source": source,
+        "kp": v.kp,
+        "kd": v.kd,
+        "error": v.error,
+        "error_rate": v.error_rate,
+        "memory": v.memory.policy_name(),
+        "predicts": v.memory.predicts,
+        "limits": {
+            "gain": proposal.gain_reason,
+            "memory": proposal.memory_reason,
+            "thresholds": proposal.threshold_reason,
+        },
+        "given_up": proposal.given_up,
+        "verified": proposal.verified,
+        "with_margin": proposal.with_margin,
+        "as_it_stands": proposal.as_it_stands,
+        "command": command,
+        "toml": snippet(proposal),
+    })
+}
