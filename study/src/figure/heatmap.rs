@@ -165,8 +165,9 @@ impl HeatMaps {
             ));
         }
         let mut taken: Vec<f64> = Vec::new();
-        for (digit, exponent) in
-            [1.0, 3.0].into_iter().flat_map(|digit| (-12..12).map(move |exponent| (digit, exponent)))
+        for (digit, exponent) in [1.0, 3.0]
+            .into_iter()
+            .flat_map(|digit| (-12..12).map(move |exponent| (digit, exponent)))
         {
             let number = digit * 10f64.powi(exponent);
             let tick = x + BAR * part(number, range);
@@ -178,8 +179,7 @@ impl HeatMaps {
                 sheet.text((tick, top + 24.0), 12, Hold::Middle, &short(number));
             }
         }
-        let (left, mut top) =
-            if is_upright { (x, top + 56.0) } else { (x + BAR + 40.0, y + 2.0) };
+        let (left, mut top) = if is_upright { (x, top + 56.0) } else { (x + BAR + 40.0, y + 2.0) };
         sheet.add(format_args!(
             r#"<rect x="{left}" y="{top}" width="26" height="14" fill="url(#diverged)" stroke="{FRAME}"/>"#
         ));

@@ -78,9 +78,7 @@ impl Sheet {
                 continue;
             }
             taken.push(x);
-            self.add(format_args!(
-                r#"<path d="M{x:.1} {bottom:.1}v4" stroke="{FRAME}"/>"#
-            ));
+            self.add(format_args!(r#"<path d="M{x:.1} {bottom:.1}v4" stroke="{FRAME}"/>"#));
             if slanted {
                 let (y, label) = (bottom + 12.0, escape(&label));
                 self.add(format_args!(r#"<text transform="translate({x:.1} {y:.1}) rotate(-40)" font-size="11" text-anchor="end">{label}</text>"#));

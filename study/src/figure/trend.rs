@@ -28,9 +28,8 @@ pub struct TrendPanel {
 }
 
 /// Colours that stay apart for colour-blind readers, dark to light.
-pub const COLORS: [&str; 8] = [
-    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#7a5195", "#5c5c5c",
-];
+pub const COLORS: [&str; 8] =
+    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#7a5195", "#5c5c5c"];
 
 const PANEL: (f64, f64) = (380.0, 250.0);
 const LEFT: f64 = 66.0;
@@ -101,7 +100,8 @@ impl Trends {
         is_labelled: bool,
     ) {
         let Frame { left, top, width, height } = frame;
-        let place = |y: f64| top + height * (1.0 - (y.max(least) / least).ln() / (most / least).ln());
+        let place =
+            |y: f64| top + height * (1.0 - (y.max(least) / least).ln() / (most / least).ln());
         sheet.text((left, top - 11.0), 14, Hold::Start, &panel.title);
         let mut taken: Vec<f64> = Vec::new();
         for (digit, exponent) in
@@ -111,9 +111,7 @@ impl Trends {
             let y = place(number);
             if (least..=most).contains(&number) && taken.iter().all(|at| (at - y).abs() > 26.0) {
                 taken.push(y);
-                sheet.add(format_args!(
-                    r##"<path d="M{left} {y:.1}h{width}" stroke="#e4e4e4"/>"##
-                ));
+                sheet.add(format_args!(r##"<path d="M{left} {y:.1}h{width}" stroke="#e4e4e4"/>"##));
                 if is_labelled {
                     sheet.text((left - 7.0, y), 12, Hold::End, &short(number));
                 }

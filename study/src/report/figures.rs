@@ -104,8 +104,9 @@ impl Draw<'_> {
 
     /// The number of a cell's panel.
     fn panel(&self, cell: &Cell) -> usize {
-        self.layout.panels.iter().fold(0, |panel, axis| {
-            panel * self.plan.axes[*axis].positions.len() + cell.at[*axis]
-        })
+        self.layout
+            .panels
+            .iter()
+            .fold(0, |panel, axis| panel * self.plan.axes[*axis].positions.len() + cell.at[*axis])
     }
 }

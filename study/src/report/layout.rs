@@ -29,7 +29,8 @@ impl Layout {
         let axes = &plan.axes;
         let seeds: Vec<usize> = (0..axes.len()).filter(|i| is_set(&axes[*i], &["seed"])).collect();
         let mut rest: Vec<usize> = (0..axes.len()).filter(|i| !seeds.contains(i)).collect();
-        let mut numbers: Vec<usize> = rest.iter().copied().filter(|i| is_ordered(&axes[*i])).collect();
+        let mut numbers: Vec<usize> =
+            rest.iter().copied().filter(|i| is_ordered(&axes[*i])).collect();
         numbers.sort_by_key(|i| std::cmp::Reverse(axes[*i].positions.len()));
         numbers.truncate(2);
         numbers.sort_by_key(|i| (is_set(&axes[*i], &LATENCY_KEYS), *i));

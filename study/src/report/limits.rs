@@ -13,7 +13,7 @@ use super::{cells, layout::Layout};
 use crate::{command::Failure, predict, sweep::plan::Plan};
 
 /// For each panel and position on the horizontal axis the limit, s; `None` where the loop is not
-/// stable even without latency, or where it stands more than anybody asks for.
+/// stable even without latency, or where the limit lies well above the map.
 pub type Limits = Vec<Vec<Option<f64>>>;
 
 /// Predicts, on all cores; nothing if the study has no latency over the sample period.
@@ -27,6 +27,10 @@ pub fn predict(
     }
     let panels = layout.combinations(plan);
     let columns = plan.axes[layout.x].positions.len();
+    // A little beyond the map: long delays make large matrices.
+    let latencies = layout.y.map_or(&[][..], |y| &plan.axes[y].positions);
+    let top = latencies.iter().filter_map(|position| position.number).fold(0.0, f64::max);
+    let most = (1.25 * top).min(predict::MOST);
     let next = AtomicUsize::new(0);
     let limits = Mutex::new(vec![vec![None; columns]; panels.len()]);
     let work = || -> Result<(), Failure> {
@@ -39,8 +43,8 @@ pub fn predict(
             }
             at[layout.x] = task % columns;
             let scenario = plan.scenario(cells::point(plan, &at))?;
-            let limit = predict::predict(&scenario, proceed)?.latency;
-            let limit = limit.filter(|limit| *limit < predict::MOST);
+            let limit = predict::predict_up_to(&scenario, most, proceed)?.latency;
+            let limit = limit.filter(|limit| *limit < most);
             let mut limits = limits.lock().unwrap_or_else(PoisonError::into_inner);
             limits[task / columns][task % columns] = limit;
         }
