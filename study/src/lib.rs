@@ -6,6 +6,7 @@ pub mod figure;
 pub mod launcher;
 pub mod paper;
 pub mod predict;
+pub mod report;
 pub mod session;
 pub mod sweep;
 pub mod tune;

@@ -2,6 +2,7 @@
 
 pub mod paper;
 pub mod predict;
+pub mod report;
 pub mod run;
 pub mod scenario;
 pub mod study;

@@ -12,7 +12,7 @@ use mtj_model::scenario::{BusKind, Override, Scenario};
 use mtj_plant::options::ScenarioOptions;
 use mtj_protocol::{options::BusOptions, shutdown::Shutdown};
 
-use super::{Failure, predict::Predict};
+use super::{Failure, predict::Predict, report::ReportStudy};
 use crate::{
     session::Session,
     sweep::{
@@ -41,6 +41,7 @@ enum Action {
     /// Join the results of shards and say what is missing
     Merge(Merge),
     Predict(Predict),
+    Report(ReportStudy),
 }
 
 /// Which study
@@ -107,6 +108,7 @@ impl StudyCommand {
             Action::Run(run) => run.run(),
             Action::Merge(merge) => merge.run(),
             Action::Predict(predict) => predict.run(),
+            Action::Report(report) => report.run(),
         }
     }
 }

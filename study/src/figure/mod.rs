@@ -1,4 +1,4 @@
-//! Figures of line panels: described as data, drawn as SVG, rasterised as PNG.
+//! Figures of line panels, heat maps and trends: described as data, drawn as SVG, rasterised as PNG.
 //!
 //! ```text
 //! Figure { panels } ── svg() ──▶ text ── raster::png() ──▶ bytes
@@ -7,9 +7,14 @@
 //! A PNG is made of exactly the SVG beside it, with a font that the program carries, so neither
 //! depends on what the machine has installed.
 
+pub mod colormap;
 mod draw;
+pub mod heatmap;
 pub mod raster;
+pub mod scale;
+mod sheet;
 mod thin;
+pub mod trend;
 
 use std::{fmt, fs, io, ops::Range, path::Path, path::PathBuf};
 
@@ -130,18 +135,22 @@ impl Figure {
 
     /// Writes `folder/name.svg` and `folder/name.png`.
     pub fn write(&self, folder: &Path, name: &str) -> Result<Written, FigureError> {
-        let svg = self.svg()?;
-        let png = raster::png(&svg)?;
-        let written = Written {
-            name: name.to_owned(),
-            svg: folder.join(format!("{name}.svg")),
-            png: folder.join(format!("{name}.png")),
-        };
-        let write = |path: &PathBuf, bytes: &[u8]| {
-            fs::write(path, bytes).map_err(|error| FigureError::File(path.clone(), error))
-        };
-        write(&written.svg, svg.as_bytes())?;
-        write(&written.png, &png)?;
-        Ok(written)
+        write(&self.svg()?, folder, name)
     }
+}
+
+/// Writes a document as `folder/name.svg`, and its picture as `folder/name.png`.
+pub fn write(svg: &str, folder: &Path, name: &str) -> Result<Written, FigureError> {
+    let png = raster::png(svg)?;
+    let written = Written {
+        name: name.to_owned(),
+        svg: folder.join(format!("{name}.svg")),
+        png: folder.join(format!("{name}.png")),
+    };
+    let write = |path: &PathBuf, bytes: &[u8]| {
+        fs::write(path, bytes).map_err(|error| FigureError::File(path.clone(), error))
+    };
+    write(&written.svg, svg.as_bytes())?;
+    write(&written.png, &png)?;
+    Ok(written)
 }

@@ -59,11 +59,20 @@ pub fn linear_loop(scenario: &Scenario, axis: usize, mass: f64) -> LinearLoop {
 
 /// Predicts the largest latency: the least over the axes and over the range of effective masses.
 pub fn predict(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Prediction, Failure> {
+    predict_up_to(scenario, MOST, proceed)
+}
+
+/// Predicts the largest latency where it is less than `most` seconds, and `most` where it is not.
+pub fn predict_up_to(
+    scenario: &Scenario,
+    most: f64,
+    proceed: &dyn Fn() -> bool,
+) -> Result<Prediction, Failure> {
     let masses = path::masses(&without_latency(scenario)?, proceed)?;
-    let mut latency = Some(MOST);
+    let mut latency = Some(most);
     for axis in 0..mtj_model::PLANE {
         for mass in [masses.least, masses.most] {
-            let limit = linear_loop(scenario, axis, mass).largest_latency(MOST);
+            let limit = linear_loop(scenario, axis, mass).largest_latency(most);
             latency = limit.zip(latency).map(|(a, b)| a.min(b));
         }
     }

@@ -1,5 +1,7 @@
 //! Which points a study has.
 
+use std::path::Path;
+
 use mtj_model::scenario::{Origin, Override, Scenario, ScenarioError, Section};
 use toml::{Table, Value};
 
@@ -40,6 +42,26 @@ impl Plan {
             })?,
         };
         Self::parse(name, &text, set)
+    }
+
+    /// Reads the study whose results a folder holds, with what was set besides.
+    pub fn from_folder(folder: &Path) -> Result<Self, ScenarioError> {
+        let path = folder.join("study.toml");
+        let name = path.display().to_string();
+        let text = std::fs::read_to_string(&path).map_err(|error| {
+            Origin::new(&name, Vec::new()).refuse(format!(
+                "no study could be read ({error}); 'mtj study run STUDY --out DIR' fills a folder"
+            ))
+        })?;
+        let lines: Vec<&str> = text.lines().collect();
+        let is_set = |line: &&&str| line.starts_with(SET) || line.is_empty();
+        let body = lines.len() - lines.iter().rev().take_while(is_set).count();
+        let set = lines[body..].iter().filter_map(|line| line.strip_prefix(SET));
+        let set: Vec<Override> = set.map(str::parse).collect::<Result<_, _>>()?;
+        let mut plan = Self::parse(&name, &lines[..body].join("\n"), &set)?;
+        // The lines name all that is set at every point, in order: the study's own keys first.
+        plan.set = set;
+        Ok(plan)
     }
 
     /// Reads a study from TOML.
@@ -116,19 +138,29 @@ impl Plan {
 
     /// The command that replays a point on its own.
     pub fn command(&self, point: usize) -> String {
-        let set: String = self
-            .overrides(point)
-            .iter()
-            .map(|set| format!(" --set {}", quoted(&set.to_string())))
-            .collect();
-        format!("mtj run --scenario {}{set}", quoted(&self.scenario))
+        let at = self.positions(point);
+        let flags: String = at.iter().map(|position| flags(&position.set)).collect();
+        self.command_start() + &flags
+    }
+
+    /// What the commands of all points have in common; the [`flags`] of the positions follow.
+    pub fn command_start(&self) -> String {
+        format!("mtj run --scenario {}{}", quoted(&self.scenario), flags(&self.set))
     }
 
     /// What identifies the study on disk: its text and what was set besides.
     pub fn identity(&self) -> String {
-        let set: String = self.set.iter().map(|set| format!("# --set {set}\n")).collect();
+        let set: String = self.set.iter().map(|set| format!("{SET}{set}\n")).collect();
         format!("{}\n{set}", self.text.trim_end())
     }
+}
+
+/// What the lines of a folder's study begin with that say what was set.
+const SET: &str = "# --set ";
+
+/// What sets keys on a command line, with a space before each.
+pub fn flags(set: &[Override]) -> String {
+    set.iter().map(|set| format!(" --set {}", quoted(&set.to_string()))).collect()
 }
 
 /// A word for a shell.

@@ -12,7 +12,7 @@ use mtj_plant::report::Report;
 use super::plan::Plan;
 
 /// The measures of a point, in the order of their columns.
-const MEASURES: [&str; 12] = [
+pub const MEASURES: [&str; 12] = [
     "rms_error_m",
     "peak_error_m",
     "energy_j",
