@@ -119,7 +119,7 @@ impl Arm {
                 bound = Bound {
                     kd: limit / unit,
                     reason: format!(
-                        "torque: the initial error alone asks for {limit} N m at joint {joint}"
+                        "torque: the initial error alone asks for {limit:.3} N m at joint {joint}"
                     ),
                 };
             }
@@ -222,13 +222,20 @@ impl Arm {
     }
 
     /// Why these thresholds.
-    pub fn explain_thresholds(&self, values: &Values) -> String {
+    pub fn explain_thresholds(&self, values: &Values, wanted: &Wanted) -> String {
         let multiple = values.error / self.initial_error;
         let k = (-self.initial_error / values.error).exp();
+        let leak = match self.least_leak(values, wanted) {
+            0.0 => "the loop needs no 1 - k".to_owned(),
+            leak => format!(
+                "the loop needs 1 - k = {leak:.4}, which holds the error below {:.2} mm",
+                leak * values.error * 1e3
+            ),
+        };
+        let tried = super::THRESHOLDS.map(|multiple| multiple.to_string()).join(", ");
         format!(
-            "e_max = {multiple:.1} x the initial error, so that k > {k:.2} once it decays; of {:?} x the \
-             least rms error in simulation",
-            super::THRESHOLDS
+            "{leak}; k > {k:.2} as soon as the error decays; least rms error of e_max = {tried} x \
+             the initial error (here {multiple:.1})"
         )
     }
 }

@@ -221,7 +221,7 @@ pub fn propose(
             if let Some((values, verified, with_margin)) = best {
                 return Ok(Proposal {
                     memory_reason: arm.explain_memory(&values, wanted),
-                    threshold_reason: arm.explain_thresholds(&values),
+                    threshold_reason: arm.explain_thresholds(&values, wanted),
                     values,
                     gain_reason,
                     given_up,
