@@ -238,7 +238,8 @@ pub fn propose(
         }
     }
     Err(Failure::from(format!(
-        "no gains with K_d/K_p = {} s satisfy all limits; in the way at the last: {last_problem}",
+        "none of the gains tried with K_d/K_p = {} s satisfies all limits; in the way at the last: \
+         {last_problem}",
         wanted.time_constant_s
     )))
 }
