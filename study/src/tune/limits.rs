@@ -119,7 +119,7 @@ impl Arm {
                 bound = Bound {
                     kd: limit / unit,
                     reason: format!(
-                        "torque: the initial error alone asks for {limit} N m at joint {joint}"
+                        "torque: the initial error alone asks for {limit:.3} N m at joint {joint}"
                     ),
                 };
             }
@@ -140,11 +140,17 @@ impl Arm {
         }
     }
 
+    /// k at which the linear loop is judged: [`TRUST`], or with a short time constant what leaves
+    /// twice the 1 − k = T_s/τ that the held loop needs even without latency.
+    fn trust(&self, wanted: &Wanted) -> f64 {
+        TRUST.min(1.0 - 2.0 * self.period / wanted.time_constant_s).max(0.0)
+    }
+
     /// Whether the loop is stable at [`MARGIN`] times the latency and at it, on the least and the
-    /// largest mass, with k at [`TRUST`].
+    /// largest mass, with k at [`Self::trust`].
     fn stands(&self, kd: f64, memory: Memory, wanted: &Wanted) -> bool {
         [self.masses.least, self.masses.most].into_iter().all(|mass| {
-            let far = self.linear(kd, mass, TRUST, memory, wanted);
+            let far = self.linear(kd, mass, self.trust(wanted), memory, wanted);
             let near = LinearLoop { latency: wanted.latency_s, ..far };
             far.spectral_radius() < 1.0 && near.spectral_radius() < 1.0
         })
@@ -180,7 +186,8 @@ impl Arm {
             None => "is not stable even without latency".to_owned(),
         };
         Err(format!(
-            "with K_d = {most:.3} and k = {TRUST} the loop {largest}; {:.3} ms are needed",
+            "with K_d = {most:.3} and k = {:.3} the loop {largest}; {:.3} ms are needed",
+            self.trust(wanted),
             MARGIN * wanted.latency_s * 1e3
         ))
     }
@@ -189,7 +196,7 @@ impl Arm {
     fn largest_latency(&self, kd: f64, memory: Memory, wanted: &Wanted) -> Option<f64> {
         let limits = [self.masses.least, self.masses.most].map(|mass| {
             let most = (10.0 * wanted.latency_s).max(0.05);
-            self.linear(kd, mass, TRUST, memory, wanted).largest_latency(most)
+            self.linear(kd, mass, self.trust(wanted), memory, wanted).largest_latency(most)
         });
         limits[0].zip(limits[1]).map(|(a, b)| a.min(b))
     }
@@ -222,13 +229,20 @@ impl Arm {
     }
 
     /// Why these thresholds.
-    pub fn explain_thresholds(&self, values: &Values) -> String {
+    pub fn explain_thresholds(&self, values: &Values, wanted: &Wanted) -> String {
         let multiple = values.error / self.initial_error;
         let k = (-self.initial_error / values.error).exp();
+        let leak = match self.least_leak(values, wanted) {
+            0.0 => "the loop needs no 1 - k".to_owned(),
+            leak => format!(
+                "the loop needs 1 - k = {leak:.4}, an error floor of about {:.2} mm",
+                leak * values.error * 1e3
+            ),
+        };
+        let tried = super::THRESHOLDS.map(|multiple| multiple.to_string()).join(", ");
         format!(
-            "e_max = {multiple:.1} x the initial error, so that k > {k:.2} once it decays; of {:?} x the \
-             least rms error in simulation",
-            super::THRESHOLDS
+            "{leak}; k > {k:.2} as soon as the error decays; least rms error of e_max = {tried} x \
+             the initial error (here {multiple:.1})"
         )
     }
 }

@@ -221,7 +221,7 @@ pub fn propose(
             if let Some((values, verified, with_margin)) = best {
                 return Ok(Proposal {
                     memory_reason: arm.explain_memory(&values, wanted),
-                    threshold_reason: arm.explain_thresholds(&values),
+                    threshold_reason: arm.explain_thresholds(&values, wanted),
                     values,
                     gain_reason,
                     given_up,
@@ -238,7 +238,8 @@ pub fn propose(
         }
     }
     Err(Failure::from(format!(
-        "no gains with K_d/K_p = {} s satisfy all limits; in the way at the last: {last_problem}",
+        "none of the gains tried with K_d/K_p = {} s satisfies all limits; in the way at the last: \
+         {last_problem}",
         wanted.time_constant_s
     )))
 }

@@ -75,7 +75,7 @@ pub fn table(proposal: &Proposal, wanted: &Wanted, limit_source: &str) -> String
     let rows = [
         ("with the latency".to_owned(), &proposal.verified),
         (format!("with {MARGIN} x the latency"), &proposal.with_margin),
-        ("the scenario as it stands".to_owned(), &proposal.as_it_stands),
+        ("as it stands, no limit".to_owned(), &proposal.as_it_stands),
     ];
     for (name, row) in rows {
         let _ = writeln!(text, "{name:<28} {}", verification(row));
