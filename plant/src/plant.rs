@@ -18,7 +18,7 @@ use mtj_protocol::{
 use crate::{
     actuator::Actuator,
     agenda::{Agenda, Event},
-    clock::Clock,
+    clock::{self, Clock},
     link::{Direction, Link},
     report::{Commands, Measures, Report},
     sensor::Sensor,
@@ -153,6 +153,9 @@ impl<'a> Plant<'a> {
     /// Pops events in order of time until the run's duration is over.
     fn run(&mut self) -> Result<(), BusError> {
         let end_ns = nanoseconds(self.scenario.duration);
+        if self.is_realtime() {
+            clock::wake_punctually();
+        }
         self.meet_controller()?;
         while !self.stopped && !self.diverged {
             let next = self.agenda.next_time().filter(|time| *time < end_ns).unwrap_or(end_ns);
