@@ -57,7 +57,11 @@ pub fn data(plan: &Plan, layout: &Layout, cells: &[Cell], limits: &Limits) -> Va
         "shown": shown,
         "cells": cells,
         "limits": limits,
-        "limitCaption": LIMIT.replace('\n', " "),
+        "limitCaption": format!(
+            "{} ('mtj study predict' measures the limit too, and says where the loop is not linear \
+             enough for it)",
+            LIMIT.replace('\n', " ")
+        ),
         "viridis": (0..=40).map(|i| viridis(f64::from(i) / 40.0)).collect::<Vec<_>>(),
         "colors": COLORS,
     })
