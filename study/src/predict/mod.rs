@@ -1,6 +1,6 @@
 //! Theory beside measurement: the sampled loop linearised, and how much latency it should stand.
 //!
-//! [`linear`] is the theory, [`path`] finds the effective masses it needs, [`measure`] finds the same
+//! [`linear`] is the theory, [`path`] finds the effective masses it needs, [`mod@measure`] finds the same
 //! limit by simulating the arm in full. Both are for a constant regulating factor k: with the paper's
 //! factors k falls as the error grows, so that an unstable loop ends in a limit cycle whose size is
 //! the error at which k has fallen far enough.

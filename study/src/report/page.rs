@@ -29,7 +29,7 @@ pub fn html(plan: &Plan, layout: &Layout, cells: &[Cell], limits: &Limits) -> St
 
 /// Everything the script draws and says.
 pub fn data(plan: &Plan, layout: &Layout, cells: &[Cell], limits: &Limits) -> Value {
-    let axes: Vec<Value> = plan.axes.iter().map(|axis| axis_data(axis)).collect();
+    let axes: Vec<Value> = plan.axes.iter().map(axis_data).collect();
     let panels: Vec<Value> = layout
         .combinations(plan)
         .into_iter()
@@ -39,7 +39,7 @@ pub fn data(plan: &Plan, layout: &Layout, cells: &[Cell], limits: &Limits) -> Va
         .iter()
         .map(|(name, title, factor)| json!({"name": name, "title": title, "factor": factor}))
         .collect();
-    let cells: Vec<Value> = cells.iter().map(|cell| cell_data(cell)).collect();
+    let cells: Vec<Value> = cells.iter().map(cell_data).collect();
     let limits: Vec<Vec<Option<f64>>> =
         limits.iter().map(|row| row.iter().map(|x| x.map(|x| x * 1e3)).collect()).collect();
     let scenario = plan.scenario(0).map(|scenario| scenario.text().to_owned());
