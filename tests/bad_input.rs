@@ -16,8 +16,8 @@ fn assert_refused(session: &Session, arguments: &[&str], words: &[&str]) {
     let status = run.wait();
     // What `mtj up` is about to do is no part of the refusal.
     let banner = |line: &&str| line.starts_with("mtj up: ") && line.ends_with("Ctrl-C ends it");
-    let err = run.stderr().lines().filter(|line| !banner(line)).collect::<Vec<_>>().join("\n");
-    let out = run.stdout();
+    let err = run.stderr();
+    let out = run.stdout().lines().filter(|line| !banner(line)).collect::<String>();
     assert_eq!(status.code(), Some(2), "{arguments:?} says: {err}{out}");
     assert_eq!(out, "", "{arguments:?}: nothing on standard output");
     assert_eq!(err.lines().count(), 1, "{arguments:?}: one sentence, not: {err}");
