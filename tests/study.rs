@@ -247,3 +247,18 @@ fn predictions_are_close_to_measurements_where_the_loop_is_linear_enough() {
     }
     assert_eq!(compared, 4, "{text}");
 }
+
+#[test]
+fn every_built_in_study_runs() {
+    let folder = Folder::new("built-in");
+    let list = String::from_utf8(mtj_study(&["list"]).output().unwrap().stdout).unwrap();
+    for name in list.lines().filter_map(|line| line.split_whitespace().next()) {
+        let out = folder.path(name);
+        let output = run(Path::new(name), &out, &["--set", "duration=100ms"]);
+        assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+        let text = results(&out);
+        let bad = text.lines().skip(1).filter(|row| !row.ends_with(',')).count();
+        // Not every memory step is a multiple of every sample period.
+        assert_eq!(bad > 0, name == "memory-step", "{name}: {bad} points could not be run");
+    }
+}

@@ -145,14 +145,17 @@ impl RunStudy {
 
     /// The options of a session over a real bus, if one is asked for.
     fn bus_scenario(&self, plan: &Plan) -> Result<Option<ScenarioOptions>, Failure> {
+        if self.bus.overrides().is_empty() {
+            return Ok(None);
+        }
+        // Any point will do: what differs between points is not the bus.
         let options = ScenarioOptions {
             scenario: plan.scenario.clone(),
-            set: plan.set.iter().map(Override::to_string).collect(),
+            set: plan.overrides(0).iter().map(Override::to_string).collect(),
             bus: self.bus.clone(),
         };
-        let is_asked_for = !self.bus.overrides().is_empty();
         let scenario: Scenario = options.load()?;
-        Ok((is_asked_for && scenario.bus.kind != BusKind::Local).then_some(options))
+        Ok((scenario.bus.kind != BusKind::Local).then_some(options))
     }
 }
 
