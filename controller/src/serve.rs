@@ -8,7 +8,7 @@ use std::{
 use mtj_model::scenario::{Scenario, Wait};
 use mtj_protocol::{
     bus::{Bus, BusError},
-    port::{self, ControllerPort, Heard},
+    port::{self, ControllerPort, Heard, Offered},
     sample::TorqueSample,
 };
 
@@ -60,7 +60,7 @@ pub fn serve(
     wait: Option<Wait>,
     proceed: &dyn Fn() -> bool,
 ) -> Result<(), ServeError> {
-    while let Some((run, scenario)) = port::fetch_scenario(bus, proceed)? {
+    while let Some(Offered { run, scenario, .. }) = port::fetch_scenario(bus, proceed)? {
         let mut port = ControllerPort::open(bus, run, wait.unwrap_or(scenario.bus.wait))?;
         serve_run(&mut port, &scenario, proceed)?;
         thread::sleep(PAUSE);

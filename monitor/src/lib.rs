@@ -1,5 +1,15 @@
-//! Watches a session: subscribes to everything that is said in it, says nothing itself.
+//! Watches a session: subscribes to everything that is said in it, and shows or records it.
+//!
+//! ```text
+//! monitor   the loop: a source (bus or recording) and its audience
+//! overview  what is known of a session by now
+//! lines     an audience: a line of text a second
+//! desk      an audience: takes knob turns from dashboards to the plant
+//! ```
 
+pub mod desk;
+pub mod durations;
+pub mod lines;
+pub mod monitor;
 pub mod options;
-pub mod view;
-pub mod watch;
+pub mod overview;

@@ -3,7 +3,10 @@
 use clap::Args;
 use mtj_protocol::{bus::BusError, options::RoleOptions};
 
-use crate::watch::watch;
+use crate::{
+    lines::Lines,
+    monitor::{self, Audience, Live},
+};
 
 /// Run a monitor alone: it prints one line a second
 #[derive(Args, Clone, Debug)]
@@ -17,12 +20,8 @@ impl MonitorOptions {
     /// Watches until asked to stop.
     pub fn run(&self) -> Result<(), BusError> {
         let shutdown = self.role.shutdown();
-        // Zenoh has a runtime of its own and must be opened outside ours.
         let Some(bus) = self.role.join(shutdown)? else { return Ok(()) };
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_time()
-            .build()
-            .map_err(|error| BusError::Transport(format!("no runtime: {error}")))?;
-        runtime.block_on(watch(&bus, &mut std::io::stdout(), &|| shutdown.proceed()))
+        let mut audience: Vec<Box<dyn Audience>> = vec![Box::new(Lines::new(std::io::stdout()))];
+        monitor::attend(&mut Live::open(&bus)?, &mut audience, &|| shutdown.proceed())
     }
 }

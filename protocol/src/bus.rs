@@ -57,6 +57,8 @@ pub trait Reader<S> {
 
 /// The offering end of a scenario.
 pub trait Offering {
+    /// From now on offers something else.
+    fn renew(&mut self, bytes: Vec<u8>) -> Result<(), BusError>;
     /// Serves those who have come since. Cheap; call it a few times a second.
     fn serve(&mut self) -> Result<(), BusError>;
 }

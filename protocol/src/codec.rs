@@ -32,6 +32,8 @@ pub fn decode<S: Sample>(bytes: &[u8]) -> Option<S> {
 pub struct Offer {
     /// [`crate::sample::VERSION`] of the plant.
     pub version: u32,
+    /// How often it was changed in this run.
+    pub revision: u32,
     /// The plant's incarnation.
     pub run: u64,
     /// Name of the scenario.
@@ -115,7 +117,8 @@ mod tests {
 
     #[test]
     fn offers_come_back_and_rubbish_does_not() {
-        let offer = Offer { version: 1, run: 2, name: "a".into(), text: "b = 1".into() };
+        let offer =
+            Offer { version: 1, revision: 3, run: 2, name: "a".into(), text: "b = 1".into() };
         let bytes = encode_offer(&offer);
         assert_eq!(decode_offer(&bytes), Some(offer));
         assert_eq!(decode_offer(&bytes[..bytes.len() - 1]), None);

@@ -30,9 +30,9 @@ use crate::{
 };
 
 /// How many processes may read a topic, monitors included.
-const MAX_READERS: usize = 8;
+const MAX_READERS: usize = 16;
 /// How many processes may write a topic that several may write.
-const MAX_WRITERS: usize = 4;
+const MAX_WRITERS: usize = 16;
 /// How many processes may take part in a session.
 const MAX_NODES: usize = 32;
 /// The longest scenario, bytes.
@@ -172,21 +172,15 @@ impl Bus for Iceoryx2Bus {
     }
 
     fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {
-        if bytes.len() > MAX_OFFER {
-            return Err(BusError::Settings(format!(
-                "the scenario is {} bytes long; shared memory takes up to {MAX_OFFER}",
-                bytes.len()
-            )));
-        }
         let publisher = self
             .offer_service()?
             .publisher_builder()
             .initial_max_slice_len(MAX_OFFER)
             .create()
             .map_err(|error| taken(&self.session, "scenario", &error))?;
-        let sample = publisher.loan_slice_uninit(bytes.len()).map_err(failure("scenario"))?;
-        sample.write_from_slice(&bytes).send().map_err(failure("scenario"))?;
-        Ok(Box::new(Iceoryx2Offer(publisher)))
+        let mut offer = Iceoryx2Offer(publisher);
+        offer.renew(bytes)?;
+        Ok(Box::new(offer))
     }
 
     fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
@@ -256,6 +250,18 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
 struct Iceoryx2Offer(Publisher<ipc::Service, [u8], ()>);
 
 impl Offering for Iceoryx2Offer {
+    fn renew(&mut self, bytes: Vec<u8>) -> Result<(), BusError> {
+        if bytes.len() > MAX_OFFER {
+            return Err(BusError::Settings(format!(
+                "the scenario is {} bytes long; shared memory takes up to {MAX_OFFER}",
+                bytes.len()
+            )));
+        }
+        let sample = self.0.loan_slice_uninit(bytes.len()).map_err(failure("scenario"))?;
+        sample.write_from_slice(&bytes).send().map_err(failure("scenario"))?;
+        Ok(())
+    }
+
     fn serve(&mut self) -> Result<(), BusError> {
         self.0.update_connections().map_err(failure("scenario"))
     }

@@ -1,7 +1,8 @@
 //! What the processes of a session say to each other.
 //!
 //! ```text
-//! port      what each role may say and hear          PlantPort, ControllerPort, MonitorPort
+//! port      what each role may say and hear          PlantPort, ControllerPort, MonitorPort, RequestPort
+//! knob      what may be asked of a running loop      set, pause, resume, reset, kick
 //! gate      what is acceptable                       version, run, order, finite numbers
 //! transport the one that a scenario names            AnyBus: local, iceoryx2, zenoh, a file each
 //! bus       moving samples: one trait                Bus, Writer, Reader, Offering
@@ -16,6 +17,7 @@ pub mod codec;
 pub mod gate;
 #[cfg(feature = "iceoryx2")]
 pub mod iceoryx2;
+pub mod knob;
 pub mod local;
 mod mailbox;
 pub mod options;

@@ -77,6 +77,11 @@ impl<S: Sample> Writer<S> for LocalWriter<S> {
 struct LocalOffer(LocalBus);
 
 impl Offering for LocalOffer {
+    fn renew(&mut self, bytes: Vec<u8>) -> Result<(), BusError> {
+        *lock(&self.0.shared.offer) = Some(bytes);
+        Ok(())
+    }
+
     fn serve(&mut self) -> Result<(), BusError> {
         Ok(())
     }

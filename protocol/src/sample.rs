@@ -11,12 +11,16 @@ use mtj_model::{MAX_AXES, MAX_JOINTS};
 use serde::{Deserialize, Serialize};
 
 /// Changes whenever the layout or the meaning of a sample does.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// One number for each joint; entries past the count are zero.
 pub type Joints = [f64; MAX_JOINTS];
 /// One number for each task axis; entries past the count are zero.
 pub type Axes = [f64; MAX_AXES];
+/// UTF-8, filled up with zeros. In rows, because serde knows no arrays longer than 32.
+pub type Text = [[u8; 32]; 12];
+/// The name of a machine, like [`Text`].
+pub type HostName = [[u8; 32]; 2];
 
 /// What may lie in shared memory as it is.
 #[cfg(feature = "iceoryx2")]
@@ -32,7 +36,14 @@ impl<T> Shareable for T {}
 
 /// A fixed-size message about one sampling instant.
 pub trait Sample:
-    Copy + std::fmt::Debug + Send + Serialize + for<'de> Deserialize<'de> + Shareable + 'static
+    Copy
+    + Default
+    + std::fmt::Debug
+    + Send
+    + Serialize
+    + for<'de> Deserialize<'de>
+    + Shareable
+    + 'static
 {
     /// The last part of the sample's key: `mtj/<session>/<topic>`.
     const TOPIC: &'static str;
@@ -43,9 +54,70 @@ pub trait Sample:
     fn header(&self) -> &Header;
     /// The sample's vectors, which must all be finite.
     fn vectors(&self) -> impl Iterator<Item = &[f64]>;
+    /// Shows what follows the header, field by field, with lists only as long as they are meant:
+    /// for records in formats that describe themselves.
+    fn fields(&self, show: &mut dyn FnMut(&'static str, Field<'_>));
+}
+
+/// A field of a sample as a record shows it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Field<'a> {
+    /// A count, a code or nanoseconds.
+    Count(u64),
+    /// A number for each joint or each task axis.
+    Numbers(&'a [f64]),
+    /// Words.
+    Text(&'a str),
+}
+
+/// What may stand in a sample behind its header.
+trait AsField {
+    fn as_field(&self, header: &Header) -> Field<'_>;
+}
+
+impl AsField for u64 {
+    fn as_field(&self, _: &Header) -> Field<'_> {
+        Field::Count(*self)
+    }
+}
+
+impl AsField for Joints {
+    fn as_field(&self, header: &Header) -> Field<'_> {
+        Field::Numbers(&self[..MAX_JOINTS.min(header.joints as usize)])
+    }
+}
+
+impl AsField for Axes {
+    fn as_field(&self, header: &Header) -> Field<'_> {
+        Field::Numbers(&self[..MAX_AXES.min(header.axes as usize)])
+    }
+}
+
+impl<const ROWS: usize> AsField for [[u8; 32]; ROWS] {
+    fn as_field(&self, _: &Header) -> Field<'_> {
+        Field::Text(text_of(self))
+    }
 }
 
 macro_rules! sample {
+    ($(#[$doc:meta])* $name:ident {
+        $(#[$header_doc:meta])* header: Header,
+        $($(#[$field_doc:meta])* $field:ident: $type:ty,)*
+    }) => {
+        layout! { $(#[$doc])* $name {
+            $(#[$header_doc])* header: Header,
+            $($(#[$field_doc])* $field: $type,)*
+        } }
+
+        impl $name {
+            fn show_fields(&self, show: &mut dyn FnMut(&'static str, Field<'_>)) {
+                $(show(stringify!($field), self.$field.as_field(&self.header));)*
+            }
+        }
+    };
+}
+
+macro_rules! layout {
     ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty,)* }) => {
         $(#[$doc])*
         #[repr(C)]
@@ -55,7 +127,7 @@ macro_rules! sample {
     };
 }
 
-sample! {
+layout! {
     /// What every sample begins with.
     Header {
         /// [`VERSION`] of the writer.
@@ -64,8 +136,8 @@ sample! {
         joints: u32,
         /// How many task axes there are, 1 to 6.
         axes: u32,
-        /// Unused, zero.
-        reserved: u32,
+        /// How often the plant's scenario was changed in this run.
+        revision: u32,
         /// The plant's incarnation: drawn afresh each time a plant starts.
         run: u64,
         /// Counts the sampling instants of a run from zero.
@@ -138,7 +210,7 @@ sample! {
     StatusSample {
         /// The latest sampling instant.
         header: Header,
-        /// 0 waiting for a controller, 1 running, 2 finished.
+        /// 0 waiting for a controller, 1 running, 2 finished, 3 paused.
         phase: u64,
         /// Commands asked for, applied, lost, late and rejected so far.
         sent: u64,
@@ -163,6 +235,58 @@ sample! {
     }
 }
 
+sample! {
+    /// Anybody to plant: a wish to turn one of the running loop's knobs.
+    RequestSample {
+        /// The run that is meant; `sequence` is a number of the asker's choice that names the request.
+        header: Header,
+        /// 0 set, 1 pause, 2 resume, 3 reset, 4 kick.
+        action: u64,
+        /// How long a kick lasts, ns.
+        duration_ns: u64,
+        /// A kick's disturbance torque, N m.
+        torque: Joints,
+        /// What to set: `key=value` on each line, like law.memory.policy=delivered.
+        text: Text,
+    }
+}
+
+sample! {
+    /// Plant to everybody: what became of a request.
+    ChangeSample {
+        /// The sampling instant from which on it is in effect.
+        header: Header,
+        /// The request's number.
+        request: u64,
+        /// Its action.
+        action: u64,
+        /// 0 refused, 1 in effect.
+        accepted: u64,
+        /// As in the request.
+        duration_ns: u64,
+        /// As in the request.
+        torque: Joints,
+        /// What was set; if refused, why.
+        text: Text,
+    }
+}
+
+sample! {
+    /// Once a second: who takes part in the session.
+    PresenceSample {
+        /// The instant it last dealt with.
+        header: Header,
+        /// 0 plant, 1 controller.
+        role: u64,
+        /// Its process id.
+        process: u64,
+        /// When it joined, ns since 1970.
+        since_ns: u64,
+        /// The machine it runs on.
+        host: HostName,
+    }
+}
+
 macro_rules! implement_sample {
     ($($name:ident, $topic:literal, one writer $one:literal: $($field:ident),*;)*) => {
         $(impl Sample for $name {
@@ -174,6 +298,9 @@ macro_rules! implement_sample {
             fn vectors(&self) -> impl Iterator<Item = &[f64]> {
                 [$(self.$field.as_slice()),*].into_iter()
             }
+            fn fields(&self, show: &mut dyn FnMut(&'static str, Field<'_>)) {
+                self.show_fields(show);
+            }
         })*
     };
 }
@@ -183,16 +310,38 @@ implement_sample! {
     TorqueSample, "torque", one writer false: torque, force;
     ErrorSample, "error", one writer false: error, error_rate, factor, memory;
     StatusSample, "status", one writer true: position, velocity, torque;
+    RequestSample, "request", one writer false: torque;
+    ChangeSample, "change", one writer true: torque;
+    PresenceSample, "presence", one writer false: ;
 }
 
 impl Header {
     /// The same instant, stamped with our own version: what an answer begins with.
     pub fn answer(&self) -> Self {
-        Self { version: VERSION, reserved: 0, ..*self }
+        Self { version: VERSION, ..*self }
     }
 }
 
 /// The first entries of a list that may be shorter, zeros after them.
 pub fn padded<const N: usize>(values: &[f64]) -> [f64; N] {
     std::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0))
+}
+
+/// Words as a sample carries them, cut where they do not fit.
+pub fn text<const ROWS: usize>(words: &str) -> [[u8; 32]; ROWS] {
+    let mut rows = [[0; 32]; ROWS];
+    let fits = |length: &usize| words.is_char_boundary(*length);
+    let length = (0..=words.len().min(ROWS * 32)).rev().find(fits).unwrap_or(0);
+    rows.as_flattened_mut()[..length].copy_from_slice(&words.as_bytes()[..length]);
+    rows
+}
+
+/// The words that a sample carries; what is not UTF-8 ends them.
+pub fn text_of<const ROWS: usize>(rows: &[[u8; 32]; ROWS]) -> &str {
+    let bytes = rows.as_flattened();
+    let length = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
+    match std::str::from_utf8(&bytes[..length]) {
+        Ok(words) => words,
+        Err(error) => std::str::from_utf8(&bytes[..error.valid_up_to()]).unwrap_or_default(),
+    }
 }

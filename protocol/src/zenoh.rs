@@ -6,7 +6,7 @@
 //! when the network is congested: a late sample is worth less than the next one.
 
 use std::{
-    sync::Arc,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
     thread,
     time::{Duration, Instant},
 };
@@ -155,16 +155,19 @@ impl Bus for ZenohBus {
     }
 
     fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {
+        let bytes = Arc::new(Mutex::new(bytes));
+        let on_offer = Arc::clone(&bytes);
         let queryable = self
             .session
             .declare_queryable(self.key("scenario"))
             .callback(move |query| {
+                let bytes = lock(&on_offer).clone();
                 // A peer that is gone before its answer will ask again.
-                let _ = query.reply(query.key_expr(), bytes.clone()).wait();
+                let _ = query.reply(query.key_expr(), bytes).wait();
             })
             .wait()
             .map_err(failure)?;
-        Ok(Box::new(ZenohOffer { _keep: queryable }))
+        Ok(Box::new(ZenohOffer { bytes, _keep: queryable }))
     }
 
     fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
@@ -196,13 +199,24 @@ impl<S: Sample> Writer<S> for ZenohWriter {
 }
 
 struct ZenohOffer<Q> {
+    bytes: Arc<Mutex<Vec<u8>>>,
     _keep: Q,
 }
 
 impl<Q> Offering for ZenohOffer<Q> {
+    fn renew(&mut self, bytes: Vec<u8>) -> Result<(), BusError> {
+        *lock(&self.bytes) = bytes;
+        Ok(())
+    }
+
     fn serve(&mut self) -> Result<(), BusError> {
         Ok(())
     }
+}
+
+/// Nothing can panic while it holds the lock, so poisoning is of no interest.
+fn lock(bytes: &Mutex<Vec<u8>>) -> MutexGuard<'_, Vec<u8>> {
+    bytes.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn failure(error: zenoh::Error) -> BusError {

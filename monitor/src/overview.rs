@@ -1,0 +1,256 @@
+//! What is known of a session by now: what every display shows.
+
+use std::{
+    collections::VecDeque,
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use mtj_model::scenario::LawKind;
+use mtj_protocol::{
+    port::{Message, Offered},
+    sample::{
+        ChangeSample, ErrorSample, Header, PresenceSample, StateSample, StatusSample, TorqueSample,
+    },
+};
+
+use crate::durations::RecentDurations;
+
+/// How long a plant or a controller may be quiet before it counts as silent, unless its sample
+/// period is long.
+const SILENT: Duration = Duration::from_millis(500);
+/// How long a role may be quiet that has nothing to do but to say that it is there.
+const ABSENT: Duration = Duration::from_millis(2500);
+/// How many changes are kept.
+const CHANGES: usize = 200;
+
+/// The newest of everything.
+#[derive(Default)]
+pub struct Overview {
+    /// Of the run that is heard.
+    pub scenario: Option<Arc<Offered>>,
+    /// The newest state.
+    pub state: Option<StateSample>,
+    /// The newest torque.
+    pub torque: Option<TorqueSample>,
+    /// The newest error.
+    pub error: Option<ErrorSample>,
+    /// The newest status.
+    pub status: Option<StatusSample>,
+    /// What was changed in this run, and what was refused, oldest first.
+    pub changes: VecDeque<ChangeSample>,
+    /// Round trips of the last seconds.
+    pub round_trips: RecentDurations,
+    /// Residence in the controller in the last seconds.
+    pub residence: RecentDurations,
+    /// By how much sample periods lately differed from what they should be.
+    pub period_deviation: RecentDurations,
+    /// States that this monitor missed in this run.
+    pub missed: u64,
+    plant: Party,
+    controller: Party,
+    run: Option<u64>,
+}
+
+/// A plant or a controller, as far as it was heard.
+#[derive(Clone, Copy, Default)]
+pub struct Party {
+    /// When it was first heard since it was last silent.
+    pub since: Option<Instant>,
+    /// When it was heard last.
+    pub heard: Option<Instant>,
+    /// Who it said it is.
+    pub presence: Option<PresenceSample>,
+}
+
+/// What should not go unnoticed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Alarm {
+    /// No plant was ever heard.
+    NoPlant,
+    /// Nothing was heard of the plant for so long.
+    PlantSilent(Duration),
+    /// The plant waits for its first controller.
+    NoController,
+    /// Nothing was heard of the controller for so long, though the plant asks.
+    ControllerSilent(Duration),
+}
+
+impl Alarm {
+    /// In words.
+    pub fn sentence(&self) -> String {
+        match self {
+            Self::NoPlant => "waiting for a plant".to_owned(),
+            Self::PlantSilent(silence) => {
+                format!("the plant has been silent for {:.1} s", silence.as_secs_f64())
+            }
+            Self::NoController => "the plant is waiting for a controller".to_owned(),
+            Self::ControllerSilent(silence) => {
+                format!("the controller has been silent for {:.1} s", silence.as_secs_f64())
+            }
+        }
+    }
+}
+
+/// Where a run is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// For a controller.
+    Waiting,
+    /// In motion.
+    Running,
+    /// At its end.
+    Finished,
+    /// Stopped for a while.
+    Paused,
+}
+
+impl Party {
+    fn hear(&mut self, patience: Duration) {
+        let now = Instant::now();
+        if self.heard.is_none_or(|heard| now.duration_since(heard) > patience) {
+            self.since = Some(now);
+        }
+        self.heard = Some(now);
+    }
+
+    /// How long it has been silent.
+    pub fn silence(&self) -> Option<Duration> {
+        self.heard.map(|heard| heard.elapsed())
+    }
+}
+
+impl Overview {
+    /// Takes in one message.
+    pub fn hear(&mut self, message: &Message) {
+        let patience = self.patience();
+        match message {
+            Message::Scenario(offered) => {
+                self.begin(offered.run);
+                self.scenario = Some(Arc::clone(offered));
+            }
+            Message::State(state) => {
+                self.begin(state.header.run);
+                self.plant.hear(patience);
+                self.hear_state(state);
+            }
+            Message::Torque(torque) => {
+                self.controller.hear(patience);
+                self.torque = Some(*torque);
+            }
+            Message::Error(error) => {
+                self.controller.hear(patience);
+                self.error = Some(*error);
+            }
+            Message::Status(status) => {
+                self.begin(status.header.run);
+                self.plant.hear(patience);
+                self.status = Some(*status);
+            }
+            Message::Change(change) => {
+                if self.changes.len() == CHANGES {
+                    self.changes.pop_front();
+                }
+                self.changes.push_back(*change);
+            }
+            Message::Presence(presence) => {
+                let party = if presence.role == 0 { &mut self.plant } else { &mut self.controller };
+                party.hear(ABSENT);
+                party.presence = Some(*presence);
+            }
+            Message::Request(_) => {}
+        }
+    }
+
+    /// Forgets the last run if this is another one.
+    fn begin(&mut self, run: u64) {
+        if self.run == Some(run) {
+            return;
+        }
+        // Stragglers of an older run do not bring it back: what is heard next would begin anew.
+        *self = Self { plant: self.plant, controller: self.controller, ..Self::default() };
+        self.run = Some(run);
+    }
+
+    fn hear_state(&mut self, state: &StateSample) {
+        if let Some(before) = &self.state {
+            let steps = state.header.sequence.saturating_sub(before.header.sequence);
+            self.missed += steps.saturating_sub(1);
+            if steps > 0 {
+                self.round_trips.record(state.round_trip_ns);
+                self.residence.record(state.residence_ns);
+            }
+            if steps == 1
+                && let Some(deviation) = period_deviation_ns(before, state)
+            {
+                self.period_deviation.record(deviation.unsigned_abs());
+            }
+        }
+        self.state = Some(*state);
+    }
+
+    /// The run's time, s.
+    pub fn time(&self) -> f64 {
+        self.header().map_or(0.0, |header| header.time_ns as f64 * 1e-9)
+    }
+
+    /// Of the newest state or status.
+    pub fn header(&self) -> Option<Header> {
+        let state = self.state.map(|state| state.header);
+        state.or(self.status.map(|status| status.header))
+    }
+
+    /// Which law answers.
+    pub fn law(&self) -> Option<LawKind> {
+        let law = self.error.as_ref()?.law;
+        [LawKind::Tj, LawKind::Mtj, LawKind::Mb].get(law as usize).copied()
+    }
+
+    /// Where the run is; `None` if no plant was heard.
+    pub fn phase(&self) -> Option<Phase> {
+        let phases = [Phase::Waiting, Phase::Running, Phase::Finished, Phase::Paused];
+        phases.get(self.status.as_ref()?.phase as usize).copied()
+    }
+
+    /// The plant.
+    pub fn plant(&self) -> &Party {
+        &self.plant
+    }
+
+    /// The controller.
+    pub fn controller(&self) -> &Party {
+        &self.controller
+    }
+
+    /// What should not go unnoticed now, the most important one.
+    pub fn alarm(&self) -> Option<Alarm> {
+        let Some(silence) = self.plant.silence() else { return Some(Alarm::NoPlant) };
+        if self.phase() == Some(Phase::Finished) {
+            return None;
+        }
+        if silence > self.patience() {
+            return Some(Alarm::PlantSilent(silence));
+        }
+        if self.phase() == Some(Phase::Waiting) {
+            return Some(Alarm::NoController);
+        }
+        let patience = if self.phase() == Some(Phase::Paused) { ABSENT } else { self.patience() };
+        let silence = self.controller.silence()?;
+        (silence > patience).then_some(Alarm::ControllerSilent(silence))
+    }
+
+    fn patience(&self) -> Duration {
+        let period = self.scenario.as_ref().map(|offered| offered.scenario.timing.sample_period);
+        SILENT.max(3 * period.unwrap_or_default())
+    }
+}
+
+/// By how much the time between two successive states, as sent, differs from the sample period, ns.
+pub fn period_deviation_ns(before: &StateSample, state: &StateSample) -> Option<i64> {
+    let is_next = state.header.run == before.header.run
+        && state.header.sequence == before.header.sequence + 1;
+    let period = state.header.time_ns as i64 - before.header.time_ns as i64;
+    // Sequence 0 is repeated until a controller answers; its stamp is of the last time.
+    (is_next && before.header.sequence > 0)
+        .then(|| state.sent_ns as i64 - before.sent_ns as i64 - period)
+}

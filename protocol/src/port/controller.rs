@@ -1,0 +1,89 @@
+//! A controller's end of the bus.
+
+use std::time::Instant;
+
+use mtj_model::scenario::Wait;
+
+use super::{
+    Complaints,
+    presence::{Presence, RoleName},
+};
+use crate::{
+    bus::{self, Bus, BusError, Depth, Reader, Writer},
+    gate::{Fault, Gate, Verdict},
+    sample::{ErrorSample, Header, StateSample, TorqueSample},
+};
+
+/// What a controller hears.
+pub enum Heard {
+    /// A state to answer.
+    State(StateSample),
+    /// The state it has answered already, once more: the plant wants that answer again.
+    Again(StateSample),
+    /// A state of a plant with another scenario than the one it has.
+    OtherRun(u64),
+}
+
+/// A controller's end: reads states, writes torques and errors.
+pub struct ControllerPort {
+    states: Box<dyn Reader<StateSample>>,
+    torques: Box<dyn Writer<TorqueSample>>,
+    errors: Box<dyn Writer<ErrorSample>>,
+    presence: Presence,
+    newest: Option<Header>,
+    wait: Wait,
+    gate: Gate,
+    complaints: Complaints,
+}
+
+impl ControllerPort {
+    /// Joins a bus for one run of the plant.
+    pub fn open(bus: &impl Bus, run: u64, wait: Wait) -> Result<Self, BusError> {
+        Ok(Self {
+            states: bus.reader(Depth::Latest, wait)?,
+            torques: bus.writer()?,
+            errors: bus.writer()?,
+            presence: Presence::open(bus, RoleName::Controller)?,
+            newest: None,
+            wait,
+            gate: Gate::new(run),
+            complaints: Complaints::default(),
+        })
+    }
+
+    /// The next acceptable state, waiting for it until `until`.
+    pub fn receive(&mut self, until: Instant) -> Result<Option<Heard>, BusError> {
+        while let Some(state) = bus::receive(&mut *self.states, self.wait, until)? {
+            match self.gate.judge(&state) {
+                Verdict::Fresh => {
+                    self.newest = Some(state.header);
+                    return Ok(Some(Heard::State(state)));
+                }
+                Verdict::Repeated => return Ok(Some(Heard::Again(state))),
+                Verdict::Refused(Fault::Run) => return Ok(Some(Heard::OtherRun(state.header.run))),
+                Verdict::Refused(fault) => self.complaints.once::<StateSample>(fault),
+            }
+        }
+        // A plant that pauses is no reason to be taken for dead.
+        if let Some(header) = self.newest {
+            self.presence.tell(&header)?;
+        }
+        Ok(None)
+    }
+
+    /// Answers a state.
+    pub fn send(&mut self, torque: &TorqueSample) -> Result<(), BusError> {
+        self.torques.write(torque)
+    }
+
+    /// Tells monitors how the law saw the instant. Off the critical path: after [`Self::send`].
+    pub fn publish(&mut self, error: &ErrorSample) -> Result<(), BusError> {
+        self.presence.tell(&error.header)?;
+        self.errors.write(error)
+    }
+
+    /// State samples that were not acceptable, so far.
+    pub fn rejected(&self) -> u64 {
+        self.gate.refused() + self.states.malformed()
+    }
+}

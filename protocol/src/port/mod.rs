@@ -1,0 +1,85 @@
+//! What each role may say and hear on a bus.
+
+mod controller;
+mod monitor;
+mod offer;
+mod plant;
+mod presence;
+mod request;
+
+use std::time::Instant;
+
+use mtj_model::scenario::Scenario;
+
+pub use self::{
+    controller::{ControllerPort, Heard},
+    monitor::{Message, MonitorPort},
+    offer::{Offered, fetch_scenario},
+    plant::PlantPort,
+    request::{REPEAT, RequestPort},
+};
+use crate::{
+    bus::BusError,
+    gate::Fault,
+    sample::{ChangeSample, RequestSample, Sample, StateSample, StatusSample, TorqueSample},
+};
+
+/// The two-way exchange that closes the loop, as the plant sees it.
+pub trait Exchange {
+    /// Hands a state to the controller.
+    fn send(&mut self, state: &StateSample) -> Result<(), BusError>;
+    /// The controller's next answer, waiting for it until `until`.
+    fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError>;
+    /// Tells monitors how the run goes.
+    fn report(&mut self, status: &StatusSample) -> Result<(), BusError>;
+    /// Torque samples that were not acceptable, so far.
+    fn rejected(&self) -> u64;
+    /// The next wish to turn a knob, if there is one. Nobody wishes anything without a bus.
+    fn request(&mut self) -> Result<Option<RequestSample>, BusError> {
+        Ok(None)
+    }
+    /// Tells everybody what became of a wish.
+    fn announce(&mut self, _change: &ChangeSample) -> Result<(), BusError> {
+        Ok(())
+    }
+    /// Offers a scenario that was changed.
+    fn renew(&mut self, _scenario: &Scenario, _revision: u32) -> Result<(), BusError> {
+        Ok(())
+    }
+}
+
+/// A controller's answer to a state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Answer {
+    /// A torque that may act on the arm.
+    Torque(TorqueSample),
+    /// A torque for this sequence number that must not, because it is not finite.
+    NotFinite(u64),
+}
+
+impl Answer {
+    /// Of the state that was answered.
+    pub fn sequence(&self) -> u64 {
+        match self {
+            Self::Torque(torque) => torque.header.sequence,
+            Self::NotFinite(sequence) => *sequence,
+        }
+    }
+}
+
+/// Says what is wrong with the samples of others, once for each kind of fault.
+#[derive(Default)]
+struct Complaints(Vec<Fault>);
+
+impl Complaints {
+    fn once<S: Sample>(&mut self, fault: Fault) {
+        if !self.0.contains(&fault) {
+            self.0.push(fault);
+            eprintln!(
+                "mtj: ignoring a {} sample: {} (said once, counted always)",
+                S::TOPIC,
+                fault.sentence()
+            );
+        }
+    }
+}

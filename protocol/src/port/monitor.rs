@@ -1,0 +1,184 @@
+//! A monitor's end of the bus.
+
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use mtj_model::scenario::Wait;
+
+use super::{Complaints, Offered, offer};
+use crate::{
+    bus::{self, Bus, BusError, Depth, Reader},
+    gate,
+    sample::{
+        ChangeSample, ErrorSample, Header, PresenceSample, RequestSample, Sample, StateSample,
+        StatusSample, TorqueSample,
+    },
+};
+
+/// How long to wait before asking for a scenario again that was not there.
+const PATIENCE: Duration = Duration::from_millis(100);
+
+/// Anything that is said in a session.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Message {
+    /// The scenario of a run, or one that was changed; comes before the samples it is about.
+    Scenario(Arc<Offered>),
+    /// Plant to controller.
+    State(StateSample),
+    /// Controller to plant.
+    Torque(TorqueSample),
+    /// Controller to monitors.
+    Error(ErrorSample),
+    /// Plant to monitors.
+    Status(StatusSample),
+    /// Anybody to plant.
+    Request(RequestSample),
+    /// Plant to everybody.
+    Change(ChangeSample),
+    /// A role to everybody.
+    Presence(PresenceSample),
+}
+
+/// A monitor's end: reads everything, writes nothing.
+pub struct MonitorPort {
+    states: Box<dyn Reader<StateSample>>,
+    torques: Box<dyn Reader<TorqueSample>>,
+    errors: Box<dyn Reader<ErrorSample>>,
+    statuses: Box<dyn Reader<StatusSample>>,
+    requests: Box<dyn Reader<RequestSample>>,
+    changes: Box<dyn Reader<ChangeSample>>,
+    presences: Box<dyn Reader<PresenceSample>>,
+    scenario: Follower,
+    complaints: Complaints,
+    refused: u64,
+}
+
+impl MonitorPort {
+    /// Joins a bus to listen.
+    pub fn open(bus: &impl Bus) -> Result<Self, BusError> {
+        let wait = Wait::Block;
+        Ok(Self {
+            states: bus.reader(Depth::Stream, wait)?,
+            torques: bus.reader(Depth::Stream, wait)?,
+            errors: bus.reader(Depth::Stream, wait)?,
+            statuses: bus.reader(Depth::Stream, wait)?,
+            requests: bus.reader(Depth::Stream, wait)?,
+            changes: bus.reader(Depth::Stream, wait)?,
+            presences: bus.reader(Depth::Stream, wait)?,
+            scenario: Follower::default(),
+            complaints: Complaints::default(),
+            refused: 0,
+        })
+    }
+
+    /// Hands over all that was said on `bus` since the last call, topic by topic, each in its order.
+    pub fn drain(&mut self, bus: &impl Bus, hear: &mut dyn FnMut(Message)) -> Result<(), BusError> {
+        let Self { scenario, complaints, refused, .. } = self;
+        let mut judge = Judge { complaints, refused };
+        judge.drain(&mut *self.states, &mut |sample| {
+            scenario.follow(bus, &sample.header, hear)?;
+            hear(Message::State(sample));
+            Ok(())
+        })?;
+        judge.drain(&mut *self.torques, &mut |sample| {
+            hear(Message::Torque(sample));
+            Ok(())
+        })?;
+        judge.drain(&mut *self.errors, &mut |sample| {
+            hear(Message::Error(sample));
+            Ok(())
+        })?;
+        judge.drain(&mut *self.statuses, &mut |sample| {
+            scenario.follow(bus, &sample.header, hear)?;
+            hear(Message::Status(sample));
+            Ok(())
+        })?;
+        judge.drain(&mut *self.requests, &mut |sample| {
+            hear(Message::Request(sample));
+            Ok(())
+        })?;
+        judge.drain(&mut *self.changes, &mut |sample| {
+            hear(Message::Change(sample));
+            Ok(())
+        })?;
+        judge.drain(&mut *self.presences, &mut |sample| {
+            hear(Message::Presence(sample));
+            Ok(())
+        })
+    }
+
+    /// Messages that were not acceptable, so far.
+    pub fn rejected(&self) -> u64 {
+        self.refused
+            + self.states.malformed()
+            + self.torques.malformed()
+            + self.errors.malformed()
+            + self.statuses.malformed()
+            + self.requests.malformed()
+            + self.changes.malformed()
+            + self.presences.malformed()
+    }
+}
+
+/// Fetches the scenario whenever the plant's samples tell of another one.
+#[derive(Default)]
+struct Follower {
+    known: Option<(u64, u32)>,
+    asked: Option<Instant>,
+}
+
+impl Follower {
+    fn follow(
+        &mut self,
+        bus: &impl Bus,
+        header: &Header,
+        hear: &mut dyn FnMut(Message),
+    ) -> Result<(), BusError> {
+        let is_known = self
+            .known
+            .is_some_and(|(run, revision)| header.run == run && header.revision <= revision);
+        if is_known || self.asked.is_some_and(|asked| asked.elapsed() < PATIENCE) {
+            return Ok(());
+        }
+        match offer::fetch(bus)? {
+            Some(Ok(offered))
+                if offered.run == header.run && offered.revision >= header.revision =>
+            {
+                self.known = Some((offered.run, offered.revision));
+                self.asked = None;
+                hear(Message::Scenario(Arc::new(offered)));
+            }
+            // Another run's, which a straggler is about, or none that can be used.
+            _ => self.asked = Some(Instant::now()),
+        }
+        Ok(())
+    }
+}
+
+struct Judge<'a> {
+    complaints: &'a mut Complaints,
+    refused: &'a mut u64,
+}
+
+impl Judge<'_> {
+    fn drain<S: Sample>(
+        &mut self,
+        reader: &mut dyn Reader<S>,
+        hear: &mut dyn FnMut(S) -> Result<(), BusError>,
+    ) -> Result<(), BusError> {
+        // A writer that is faster than this reader must not hold it for ever.
+        for _ in 0..bus::STREAM_DEPTH {
+            let Some(sample) = reader.take()? else { break };
+            match gate::fault(&sample) {
+                None => hear(sample)?,
+                Some(fault) => {
+                    *self.refused += 1;
+                    self.complaints.once::<S>(fault);
+                }
+            }
+        }
+        Ok(())
+    }
+}
