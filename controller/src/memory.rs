@@ -32,6 +32,12 @@ impl Memory {
         }
     }
 
+    /// The same memory under other settings: what was remembered stays.
+    pub fn adopt(self, settings: &MemorySettings) -> Self {
+        let Self { latched, is_first, .. } = self;
+        Self { latched, is_first, ..Self::new(settings) }
+    }
+
     /// The remembered task force at a sample, N; `None` at the first one.
     pub fn recall(&self, state: &StateSample) -> Option<SVector<f64, PLANE>> {
         let from_plant = |force: &[f64]| SVector::from_fn(|i, _| force[i]);
