@@ -8,6 +8,9 @@ use crate::{
     monitor::{self, Audience, Live},
 };
 
+/// What a monitor that was started by another process says, on standard error, when it listens.
+pub const LISTENING: &str = "mtj monitor: listening";
+
 /// Run a monitor alone: it prints one line a second
 #[derive(Args, Clone, Debug)]
 pub struct MonitorOptions {
@@ -22,6 +25,10 @@ impl MonitorOptions {
         let shutdown = self.role.shutdown();
         let Some(bus) = self.role.join(shutdown)? else { return Ok(()) };
         let mut audience: Vec<Box<dyn Audience>> = vec![Box::new(Lines::new(std::io::stdout()))];
-        monitor::attend(&mut Live::open(&bus)?, &mut audience, &|| shutdown.proceed())
+        let mut source = Live::open(&bus)?;
+        if self.role.until_stdin_closes {
+            eprintln!("{LISTENING}");
+        }
+        monitor::attend(&mut source, &mut audience, &|| shutdown.proceed())
     }
 }
