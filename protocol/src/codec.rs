@@ -61,7 +61,10 @@ fn exactly<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sample::{ErrorSample, Header, StateSample, StatusSample, TorqueSample};
+    use crate::sample::{
+        ChangeSample, ErrorSample, Header, PresenceSample, RequestSample, StateSample, StatusSample,
+        TorqueSample, text,
+    };
 
     fn check<S: Sample + PartialEq>(sample: S) {
         let mut buffer = [0; LARGEST_SAMPLE];
