@@ -72,7 +72,7 @@ export class Arm {
     const span = Math.max(box.right - box.left, box.top - box.bottom) * (1 + 2 * MARGIN);
     const scale = Math.min(surface.width, surface.height) / span;
     const middle = [(box.left + box.right) / 2, (box.bottom + box.top) / 2];
-    const at = ([x, y]) => [surface.width / 2 + (x - middle[0]) * scale, surface.height / 2 - (y - middle[1]) * scale];
+    const at = ([x, y]) => [Math.min(surface.width, surface.height) / 2 + (x - middle[0]) * scale, surface.height / 2 - (y - middle[1]) * scale];
 
     const context = surface.clear();
     context.lineJoin = "round";
@@ -174,7 +174,7 @@ export class Arm {
     if (!visible || width < 2) return;
     const context = this.#lens.clear();
     const [xs, ys] = [store.series.get("error.0"), store.series.get("error.1")];
-    const radius = Math.min(width, height) / 2 - 4;
+    const radius = width / 2 - 2;
     const end = view.instant;
     const first = store.indexOf(end - TRAIL);
     const last = Math.min(store.indexOf(end + 1e-9), store.length - 1);
@@ -189,7 +189,7 @@ export class Arm {
     if (largest > 0 && (largest > this.#lensScale || largest < this.#lensScale / 4)) {
       this.#lensScale = roundUp(largest * 1.05);
     }
-    const [x0, y0] = [width / 2, height / 2];
+    const [x0, y0] = [width / 2, width / 2];
     context.strokeStyle = palette.colour("grid");
     context.lineWidth = 1;
     context.beginPath();
@@ -218,9 +218,9 @@ export class Arm {
     if (points.length > 0) disc(context, ...at(points.at(-1)), 3.5);
     context.fillStyle = palette.colour("ink");
     context.font = palette.font(11, 500);
-    context.textAlign = "right";
+    context.textAlign = "center";
     context.textBaseline = "bottom";
-    context.fillText(`± ${quantity(this.#lensScale, "m")}`, width - 3, height - 2);
+    context.fillText(`± ${quantity(this.#lensScale, "m").replace(/\.0+(?=\D)/, "")}`, x0, height);
   }
 }
 

@@ -27,7 +27,7 @@ export const CHARTS = [
     unit: "m",
     logarithmic: true,
     weight: 2,
-    series: () => [one("law_error.norm", "as the law saw it", "series-4"), one("error.norm", "measured", "series-1")],
+    series: () => [{ ...one("law_error.norm", "as the law saw it", "series-under"), width: 3 }, one("error.norm", "measured", "series-1")],
   },
   {
     id: "error",
@@ -41,7 +41,8 @@ export const CHARTS = [
     unit: "",
     span: [0, 1],
     applies: ({ knobs }) => knobs["law.kind"] === "mtj",
-    series: ({ axes }) => perAxis("factor", "k", axes),
+    // Two of the three forms of k are the same on all axes: a line beneath must show beside the one above.
+    series: ({ axes }) => perAxis("factor", "k", axes).map((series, i) => ({ ...series, width: 1.5 + 1.5 * (axes - 1 - i) })),
   },
   {
     id: "torque",

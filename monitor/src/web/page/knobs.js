@@ -33,7 +33,7 @@ function list(text) {
 /** How each kind of control shows a value of the scenario and writes what was typed for `--set`. */
 const FORMS = {
   choice: { show: (value) => value ?? "off", write: (text) => text },
-  list: { show: (value) => (value == null ? "" : [value].flat().join(", ")), write: list },
+  list: { show: (value) => [...new Set([value ?? []].flat())].length === 1 ? String([value].flat()[0]) : [value ?? []].flat().join(", "), write: list },
   number: { show: (value) => (value == null ? "" : String(value)), write: (text) => text.trim().replace(",", ".") },
   duration: {
     show: (value) => value ?? "",
@@ -128,9 +128,9 @@ class Knob {
   }
 
   /** Takes the value in effect. */
-  adopt(value, revised) {
+  adopt(value) {
+    if (String(value) !== String(this.#value)) this.#refuse("");
     this.#value = value;
-    if (revised && !this.#edited) this.#refuse("");
     if (this.#pending === 0 && !this.#edited) this.#settle();
   }
 
@@ -215,8 +215,8 @@ export class Knobs {
   }
 
   /** Takes the values in effect. */
-  adopt(scenario, revised) {
-    for (const knob of this.#knobs) knob.adopt(scenario.knobs[knob.key], revised);
+  adopt(scenario) {
+    for (const knob of this.#knobs) knob.adopt(scenario.knobs[knob.key]);
     const joint = this.#panel.querySelector("#kick-joint");
     if (joint.options.length !== scenario.joints) {
       joint.replaceChildren(...Array.from({ length: scenario.joints }, (_, i) => new Option(`joint ${i + 1}`)));

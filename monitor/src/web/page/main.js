@@ -101,7 +101,7 @@ const hear = {
     for (const strip of strips) strip.element.hidden = !strip.applies(scenario);
     $("scenario").textContent = scenario.name;
     $("clock").textContent = `${scenario.clock}, Tₛ = ${scenario.knobs["timing.sample_period"]}`;
-    knobs.adopt(scenario, before?.revision !== scenario.revision);
+    knobs.adopt(scenario);
     redraw();
   },
   bins(bins) {
@@ -123,7 +123,7 @@ const hear = {
   },
   mark(mark) {
     store.mark(mark);
-    log(mark);
+    log();
     redraw();
   },
 };

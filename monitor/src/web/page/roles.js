@@ -82,8 +82,9 @@ export class Counts {
       const text = count == null ? "–" : count.toLocaleString("en").replaceAll(",", "\u202f");
       const [number, recent] = cell.querySelectorAll("b, small");
       if (number.textContent !== text) number.textContent = text;
-      if (recent) recent.textContent = more > 0 ? `+${more} in view` : "";
+      if (recent) recent.textContent = more > 0 ? `+${more}` : "";
       cell.classList.toggle("some", more > 0);
+      cell.title = more > 0 ? `${more} of them in view` : "";
     }
   }
 }

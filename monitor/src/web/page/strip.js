@@ -81,7 +81,7 @@ export class Strip {
     return this.#definition.title;
   }
 
-  /** What is drawn: {name, label, colour, factor}. */
+  /** What is drawn: {name, label, colour, factor, width}. */
   get series() {
     return this.#series;
   }
@@ -264,7 +264,7 @@ export class Strip {
     const { palette, store } = this.#session;
     const gap = Math.max(GAP, 5 * samplePeriod(store.scenario)) / columns.step;
     context.strokeStyle = palette.colour(series.colour);
-    context.lineWidth = 1.5;
+    context.lineWidth = series.width ?? 1.5;
     context.lineJoin = "bevel";
     context.beginPath();
     let before = -Infinity;
