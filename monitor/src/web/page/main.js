@@ -19,11 +19,15 @@ import { Store } from "./store.js";
 import { Strip } from "./strip.js";
 import { View } from "./view.js";
 
-/** Time between pictures, ms: twenty-five a second, or two if the user wants little motion. */
+/** Least time between pictures, ms: twenty-five a second, or two if the user wants little motion. */
 const FRAME = 40;
 const CALM_FRAME = 500;
-/** Time between readings of numbers, ms: faster nobody reads. */
-const READING = 125;
+/** Pictures take this part of the time at most, as long as there are eight a second: a browser without
+ * graphics hardware draws fewer of them. */
+const SHARE = 0.4;
+const SLOWEST_FRAME = 125;
+/** Least time between readings of numbers, ms: faster nobody reads. */
+const READING = 200;
 
 const $ = (id) => document.getElementById(id);
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
@@ -58,20 +62,26 @@ const follow = attachGestures($("charts"), view, (canvas) => strips.find((strip)
 let waiting = false;
 let lastDrawn = -Infinity;
 let lastRead = -Infinity;
+let cost = 0;
+let newest = null;
 const page = { store, view, drawn: 0 };
 window.mtj = page;
 
 function redraw() {
   if (waiting) return;
   waiting = true;
-  const pause = lastDrawn + (calm.matches ? CALM_FRAME : FRAME) - performance.now();
+  const pace = Math.max(calm.matches ? CALM_FRAME : FRAME, Math.min(cost / SHARE, SLOWEST_FRAME));
+  const pause = lastDrawn + pace - performance.now();
   setTimeout(() => requestAnimationFrame(draw), Math.max(0, pause));
 }
 
-function draw(now) {
+function draw() {
   waiting = false;
+  const now = performance.now();
   lastDrawn = now;
   page.drawn += 1;
+  // What comes after this frame comes after the browser has put it on the screen.
+  setTimeout(() => (cost += (performance.now() - now - cost) / 8));
   follow();
   for (const part of strips) part.draw();
   lane.draw();
@@ -80,6 +90,16 @@ function draw(now) {
   if (now - lastRead < READING) return;
   lastRead = now;
   for (const strip of strips) strip.read();
+  if (newest) read(newest);
+}
+
+/** Writes the numbers that have no curves. */
+function read(now) {
+  roles.hear(now);
+  counts.hear(now);
+  showSpreads($("spreads"), now);
+  write("law", now.law ?? "–");
+  write("time", `${now.time.toFixed(1)} s`);
 }
 
 // What the monitor says.
@@ -110,16 +130,13 @@ const hear = {
   },
   now(now) {
     if (now.q) store.pose({ time: now.time, q: now.q, true_q: now.true_q, desired: now.desired });
+    newest = now;
     alarm.show(now.alarm);
-    roles.hear(now);
-    counts.hear(now);
     histogram.hear(now);
-    showSpreads($("spreads"), now);
     knobs.hear(now.phase);
     write("phase", now.phase ?? "no plant");
-    write("law", now.law ?? "–");
-    write("time", `${now.time.toFixed(1)} s`);
     $("status").dataset.phase = now.phase ?? "none";
+    redraw();
   },
   mark(mark) {
     store.mark(mark);
@@ -151,6 +168,7 @@ page.live = new Live(`${location.protocol === "https:" ? "wss" : "ws"}://${locat
 page.live.addEventListener("message", ({ detail }) => hear[detail.kind]?.(detail));
 page.live.addEventListener("lost", () => {
   alarm.show({ code: "no_monitor", sentence: "" });
+  newest = null;
   roles.lose();
 });
 
