@@ -32,7 +32,7 @@ function list(text) {
 
 /** How each kind of control shows a value of the scenario and writes what was typed for `--set`. */
 const FORMS = {
-  choice: { show: (value) => value ?? "off", write: (text) => text },
+  choice: { show: (value) => value ?? "none", write: (text) => text },
   list: { show: (value) => [...new Set([value ?? []].flat())].length === 1 ? String([value].flat()[0]) : [value ?? []].flat().join(", "), write: list },
   number: { show: (value) => (value == null ? "" : String(value)), write: (text) => text.trim().replace(",", ".") },
   duration: {
@@ -272,6 +272,6 @@ export class Knobs {
 /** Whether `key=value` is what the scenario has. */
 function isInEffect(set, knobs) {
   const [key, value] = set.split("=");
-  const now = knobs[key] ?? "off";
+  const now = knobs[key] ?? "none";
   return String(now) === value || (milliseconds(value) !== null && milliseconds(String(now)) === milliseconds(value));
 }
