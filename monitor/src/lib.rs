@@ -5,6 +5,7 @@
 //! overview  what is known of a session by now
 //! lines     an audience: a line of text a second
 //! desk      an audience: takes knob turns from dashboards to the plant
+//! web       an audience: the dashboard in a browser
 //! ```
 
 pub mod desk;
@@ -13,3 +14,4 @@ pub mod lines;
 pub mod monitor;
 pub mod options;
 pub mod overview;
+pub mod web;
