@@ -6,6 +6,7 @@ use mtj_protocol::{bus::BusError, options::RoleOptions};
 use crate::{
     lines::Lines,
     monitor::{self, Audience, Live},
+    recording::options::RecordingOptions,
 };
 
 /// Run a monitor alone: it prints one line a second
@@ -14,14 +15,24 @@ pub struct MonitorOptions {
     /// Where the plant is.
     #[command(flatten)]
     pub role: RoleOptions,
+    /// Whether it records.
+    #[command(flatten)]
+    pub recording: RecordingOptions,
 }
 
 impl MonitorOptions {
     /// Watches until asked to stop.
     pub fn run(&self) -> Result<(), BusError> {
         let shutdown = self.role.shutdown();
+        let settings = self.role.bus.settings();
+        let settings = settings.map_err(|error| BusError::Settings(error.to_string()))?;
+        let recording = self.recording.begin(&settings)?;
         let Some(bus) = self.role.join(shutdown)? else { return Ok(()) };
+        let mut source = Live::open(&bus)?;
         let mut audience: Vec<Box<dyn Audience>> = vec![Box::new(Lines::new(std::io::stdout()))];
-        monitor::attend(&mut Live::open(&bus)?, &mut audience, &|| shutdown.proceed())
+        if let Some(recording) = recording {
+            audience.push(Box::new(recording.start()?));
+        }
+        monitor::attend(&mut source, &mut audience, &|| shutdown.proceed())
     }
 }

@@ -7,8 +7,8 @@ use mtj_controller::options::ControllerOptions;
 use mtj_monitor::options::MonitorOptions;
 use mtj_plant::options::PlantOptions;
 use mtj_study::command::{
-    Failure, paper::Paper, run::Run, scenario::ScenarioCommand, study::StudyCommand, tune::Tune,
-    up::Up,
+    Failure, export::Export, paper::Paper, replay::Replay, run::Run, scenario::ScenarioCommand,
+    study::StudyCommand, tune::Tune, up::Up,
 };
 
 /// Close a robot's control loop over a bus, and study what sample period and latency do to it
@@ -26,6 +26,8 @@ enum Command {
     Plant(PlantOptions),
     Controller(ControllerOptions),
     Monitor(MonitorOptions),
+    Export(Export),
+    Replay(Replay),
     Paper(Paper),
     Scenario(ScenarioCommand),
     Study(StudyCommand),
@@ -55,6 +57,8 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Plant(plant) => Ok(plant.run()?),
         Command::Controller(controller) => Ok(controller.run()?),
         Command::Monitor(monitor) => Ok(monitor.run()?),
+        Command::Export(export) => export.run(),
+        Command::Replay(replay) => replay.run(),
         Command::Paper(paper) => paper.run(),
         Command::Scenario(scenario) => scenario.run(),
         Command::Study(study) => study.run(),

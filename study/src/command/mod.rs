@@ -1,7 +1,9 @@
 //! The subcommands of `mtj`, one file each.
 
+pub mod export;
 pub mod paper;
 pub mod predict;
+pub mod replay;
 pub mod report;
 pub mod run;
 pub mod scenario;
