@@ -89,7 +89,8 @@ fn a_kilohertz_run_of_thirty_seconds_is_recorded_without_loss_and_replayed_witho
     assert_eq!(found["finished"], true);
     assert_eq!(found["metadata"]["mtj"]["session"], session.name.as_str());
     let topic = |name: &str| &found["topics"][format!("/mtj/{name}")];
-    for name in ["scenario", "state", "torque", "error", "status", "request", "change", "presence"] {
+    for name in ["scenario", "state", "torque", "error", "status", "request", "change", "presence"]
+    {
         let topic = topic(name);
         assert_eq!(topic["invalid"], Value::Array(vec![]), "{name}");
         assert_eq!(topic["schema"], format!("mtj.{name}"));
@@ -172,9 +173,8 @@ fn a_recording_survives_a_kill() {
 #[test]
 fn a_recording_that_begins_in_mid_run_is_replayed_too_and_so_is_one_with_two_controllers() {
     let session = Session::on("iceoryx2");
-    let mut plant = session.start(
-        "plant --json --scenario sampled/mtj --set duration=4s --set law.memory.step=50ms",
-    );
+    let mut plant = session
+        .start("plant --json --scenario sampled/mtj --set duration=4s --set law.memory.step=50ms");
     let mut controller = session.start("controller");
     thread::sleep(Duration::from_millis(1200));
     let (mut monitor, file) = start_recording(&session, "");
@@ -218,7 +218,11 @@ fn a_file_that_is_there_is_not_lost() {
 
     let (mut monitor, file) = start_recording(&session, " --overwrite");
     finish(&mut monitor);
-    assert_eq!(read_independently(&file)["finished"], true, "a recording in which nothing was said");
+    assert_eq!(
+        read_independently(&file)["finished"],
+        true,
+        "a recording in which nothing was said"
+    );
 }
 
 #[test]

@@ -7,8 +7,16 @@ use mtj_controller::options::ControllerOptions;
 use mtj_monitor::options::MonitorOptions;
 use mtj_plant::options::PlantOptions;
 use mtj_study::command::{
-    Failure, export::Export, paper::Paper, replay::Replay, run::Run, scenario::ScenarioCommand,
-    study::StudyCommand, tune::Tune, up::Up,
+    Failure,
+    export::Export,
+    knob::{Kick, Pause, Reset, Resume, Set},
+    paper::Paper,
+    replay::Replay,
+    run::Run,
+    scenario::ScenarioCommand,
+    study::StudyCommand,
+    tune::Tune,
+    up::Up,
 };
 
 /// Close a robot's control loop over a bus, and study what sample period and latency do to it
@@ -32,6 +40,11 @@ enum Command {
     Scenario(ScenarioCommand),
     Study(StudyCommand),
     Tune(Tune),
+    Set(Set),
+    Pause(Pause),
+    Resume(Resume),
+    Reset(Reset),
+    Kick(Kick),
 }
 
 fn main() -> ExitCode {
@@ -63,5 +76,10 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Scenario(scenario) => scenario.run(),
         Command::Study(study) => study.run(),
         Command::Tune(tune) => tune.run(),
+        Command::Set(set) => set.run(),
+        Command::Pause(pause) => pause.run(),
+        Command::Resume(resume) => resume.run(),
+        Command::Reset(reset) => reset.run(),
+        Command::Kick(kick) => kick.run(),
     }
 }

@@ -205,7 +205,9 @@ mod tests {
     fn one_run_may_follow_another() {
         let mut pairs = Pairs::default();
         [state(7, 0), state(7, 1), state(3, 0)].into_iter().for_each(|state| pairs.ask(state));
-        [torque(7, 0), torque(3, 0), torque(7, 1), torque(4, 0)].into_iter().for_each(|t| pairs.answer(t));
+        [torque(7, 0), torque(3, 0), torque(7, 1), torque(4, 0)]
+            .into_iter()
+            .for_each(|t| pairs.answer(t));
         assert_eq!(drain(&mut pairs), [(0, false), (0, false)]);
         assert_eq!(pairs.without_state(), 1, "a straggler of the run before");
         pairs.ask(state(4, 0));

@@ -61,7 +61,7 @@ impl<'a> Understudy<'a> {
             *role = Role::new(&state.header, revision, scenario);
         } else if role.revision != revision {
             role.revision = revision;
-            role.controller = Controller::new(scenario); // TODO adopt
+            role.controller.adopt(scenario);
         }
         role.is_joining |= after_gap;
         if role.is_joining {
