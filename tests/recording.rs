@@ -19,9 +19,11 @@ use session::{Running, Session, eventually};
 
 /// What the mcap package of PyPI finds in a recording.
 fn read_independently(recording: &Path) -> Value {
-    let python = env::var_os("MTJ_PYTHON").expect(
-        "MTJ_PYTHON is not set: run the tests with tests/run, which prepares a Python with the packages",
-    );
+    let python = env::var_os("MTJ_PYTHON").unwrap_or_else(|| {
+        panic!(
+            "MTJ_PYTHON is not set: use tests/run, which prepares a Python with the mcap package"
+        )
+    });
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/recording.py");
     let output = Command::new(python).arg(script).arg(recording).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -65,7 +67,7 @@ fn number(value: &Value) -> u64 {
     value.as_u64().unwrap_or_else(|| panic!("{value} is no count"))
 }
 
-/// How many lines of a monitor's last sentence tell of losses.
+/// Whether that is what a monitor says at its end.
 fn lost_nothing(said: &str) -> bool {
     said.contains("; 0 messages dropped, 0 states missed")
 }
@@ -96,7 +98,7 @@ fn a_kilohertz_run_of_thirty_seconds_is_recorded_without_loss_and_replayed_witho
         assert_eq!(topic["schema"], format!("mtj.{name}"));
         let summary = found["summary"].get(format!("/mtj/{name}"));
         assert_eq!(summary.map_or(0, number), number(&topic["messages"]), "{name}");
-        assert_eq!(said.contains(&format!("{} {name}", topic["messages"])), true, "{said}");
+        assert!(said.contains(&format!("{} {name}", topic["messages"])), "{said}");
     }
 
     // Every state the plant counted, in order; the first is repeated until it is answered.
@@ -193,14 +195,99 @@ fn a_recording_that_begins_in_mid_run_is_replayed_too_and_so_is_one_with_two_con
     assert!(number(&findings["compared"]) > 100, "{findings}");
 }
 
+/// The columns of a CSV file whose names begin with one of `names`, row by row.
+fn columns(file: &Path, names: &[&str]) -> Vec<Vec<f64>> {
+    let text = fs::read_to_string(file).unwrap();
+    let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let header = lines.next().unwrap();
+    let is_wanted = |i: &usize| names.iter().any(|name| header[*i].starts_with(name));
+    let wanted: Vec<usize> = (0..header.len()).filter(is_wanted).collect();
+    lines.map(|row| wanted.iter().map(|i| row[*i].parse().unwrap()).collect()).collect()
+}
+
 #[test]
-fn a_recording_becomes_tables() {
-    let session = Session::on("zenoh");
+fn a_recording_becomes_tables_with_the_same_numbers() {
+    let session = Session::on("iceoryx2");
     let (mut monitor, file) = start_recording(&session, "");
-    let report = session.report("plant --json --set duration=500ms --set timing.clock=lockstep");
-    drop(report);
+    let mut plant = session.start(
+        "plant --json --scenario sampled/mtj --set duration=500ms --set timing.clock=lockstep \
+         --trace trace.csv",
+    );
+    let mut controller = session.start("controller");
+    assert_eq!(report_of(&mut plant)["samples"], 50);
+    controller.signal(Signal::SIGTERM);
+    controller.wait();
     finish(&mut monitor);
-    let _ = file;
+    let tables = session.directory.join("tables");
+    let to_tables = ["--csv", tables.to_str().unwrap()];
+    let printed = over(&session, "export", &file, &to_tables);
+    assert!(printed.contains("state.csv: ") && printed.contains("torque.csv: "), "{printed}");
+
+    // Without noise, what is measured is what is true, and the plant writes that down on its own.
+    let mut measured = columns(&tables.join("state.csv"), &["position_", "velocity_"]);
+    measured.dedup(); // The first state is repeated until a controller answers it.
+    let truth = columns(&session.directory.join("trace.csv"), &["q_rad_", "q_dot_rad_s_"]);
+    assert_eq!(measured, truth);
+    let mut applied = columns(&tables.join("state.csv"), &["applied_"]);
+    applied.drain(..applied.len() - 50);
+    assert_eq!(applied, columns(&session.directory.join("trace.csv"), &["force_n_"]));
+
+    let units = fs::read_to_string(tables.join("units.csv")).unwrap();
+    for unit in ["state,position,rad", "torque,torque,N m", "error,factor,", "state,time_ns,ns"] {
+        assert!(units.lines().any(|line| line == unit), "{unit} is not in {units}");
+    }
+    let mut again =
+        session.start_exactly(&["export", file.to_str().unwrap(), to_tables[0], to_tables[1]]);
+    assert_eq!(again.wait().code(), Some(2), "tables that are there are not replaced");
+    assert!(again.stderr().contains("--overwrite"), "{}", again.stderr());
+    over(&session, "export", &file, &[&to_tables[..], &["--overwrite"]].concat());
+}
+
+/// A file system that is soon full, if this user may mount one.
+struct SmallDisk(PathBuf);
+
+impl SmallDisk {
+    fn mount(path: PathBuf) -> Option<Self> {
+        fs::create_dir_all(&path).unwrap();
+        let options = ["-t", "tmpfs", "-o", "size=64k", "tmpfs"];
+        let status = Command::new("mount").args(options).arg(&path).status();
+        status.is_ok_and(|status| status.success()).then_some(Self(path))
+    }
+}
+
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        let _ = Command::new("umount").arg(&self.0).status();
+    }
+}
+
+#[test]
+fn a_full_disk_is_told_once_and_monitoring_goes_on() {
+    let session = Session::on("iceoryx2");
+    let Some(disk) = SmallDisk::mount(session.directory.join("disk")) else {
+        eprintln!("not tested: only root may mount a small disk");
+        return;
+    };
+    let file = disk.0.join("run.mcap");
+    let mut monitor = session.start(&format!("monitor --record {}", file.display()));
+    let plant = session.start("plant --scenario sampled/mtj --set duration=60s");
+    let controller = session.start("controller");
+    let is_full = || monitor.stderr().contains("the disk is full").then_some(());
+    eventually("a full disk", is_full);
+    let lines = |monitor: &Running| monitor.stdout().lines().count();
+    let before = lines(&monitor);
+    eventually("two more lines", || (lines(&monitor) >= before + 2).then_some(()));
+    let said = finish(&mut monitor);
+    drop((plant, controller));
+    assert_eq!(said.matches("the disk is full").count(), 1, "{said}");
+    assert!(!lost_nothing(&said), "{said}");
+    let found = read_independently(&file);
+    let states = &found["topics"]["/mtj/state"]["messages"];
+    assert_eq!(found["finished"], false);
+    assert!(said.contains(&format!("{states} state, ")), "{states}: {said}");
+    let findings = replay(&session, &file, &[]);
+    assert_eq!((&findings["states"], &findings["differing"]), (states, &0.into()), "{findings}");
+    assert!(number(&findings["compared"]) > 10, "{findings}");
 }
 
 #[test]

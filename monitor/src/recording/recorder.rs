@@ -32,6 +32,7 @@ pub struct Recorder {
     thread: Option<JoinHandle<Written>>,
     timeline: Timeline,
     heard: Counts,
+    safe: Counts,
     overrun: u64,
     complaint: Option<(Instant, u64)>,
     newest: Option<(u64, u64)>,
@@ -58,6 +59,7 @@ impl Recorder {
             thread: Some(thread),
             timeline: Timeline::default(),
             heard: Counts::default(),
+            safe: Counts::default(),
             overrun: 0,
             complaint: None,
             newest: None,
@@ -91,7 +93,7 @@ impl Recorder {
         }
     }
 
-    /// Lets the thread come to its end, and says what was recorded.
+    /// Lets the thread come to its end, and says so if it was not the one that was meant.
     fn conclude(&mut self) {
         let Some(thread) = self.thread.take() else { return };
         self.queue = None;
@@ -99,6 +101,7 @@ impl Recorder {
             say(&format!("{}: the recorder failed", self.path.display()));
             return;
         };
+        self.safe = safe;
         if let Err(error) = outcome {
             let reason = match error.kind() {
                 io::ErrorKind::StorageFull => "the disk is full".to_owned(),
@@ -110,32 +113,28 @@ impl Recorder {
                 self.path.display()
             ));
         }
-        self.heard_at_end(&safe);
     }
 
-    fn heard_at_end(&self, safe: &Counts) {
-        let of_each: Vec<_> = TOPICS
-            .iter()
-            .map(|topic| format!("{} {}", safe[*topic as usize], topic.name()))
-            .collect();
-        let dropped = self.heard.iter().sum::<u64>() - safe.iter().sum::<u64>();
-        say(&format!(
+    fn tally(&self) -> String {
+        let of_each = TOPICS.map(|topic| format!("{} {}", self.safe[topic as usize], topic.name()));
+        let dropped = self.heard.iter().sum::<u64>() - self.safe.iter().sum::<u64>();
+        format!(
             "recorded in {}: {}; {dropped} messages dropped, {} states missed",
             self.path.display(),
             of_each.join(", "),
             self.missed
-        ));
+        )
     }
 }
 
 impl Audience for Recorder {
     fn hear(&mut self, message: &Message) {
+        self.count(message);
         let Some(queue) = &self.queue else { return };
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let log_time = self.timeline.place(message, now.as_nanos() as u64);
         let outcome = queue.try_send((log_time, message.clone()));
         self.overrun += u64::from(matches!(outcome, Err(mpsc::TrySendError::Full(_))));
-        self.count(message);
     }
 
     fn refresh(&mut self) -> Result<bool, BusError> {
@@ -150,6 +149,7 @@ impl Audience for Recorder {
 impl Drop for Recorder {
     fn drop(&mut self) {
         self.conclude();
+        say(&self.tally());
     }
 }
 

@@ -36,9 +36,13 @@ pub fn replay(recording: &mut Recording, set: &[Override]) -> Result<Findings, S
             }
             _ => {}
         }
-        while let Some(pair) = pairs.next() {
+        // A scenario may be heard a moment after the first samples that are about it.
+        while let Some(pair) = pairs.next(|header| understudy.knows(header)) {
             understudy.answer(&pair, &mut findings)?;
         }
+    }
+    while let Some(pair) = pairs.next(|_| true) {
+        understudy.answer(&pair, &mut findings)?;
     }
     pairs.finish();
     findings.repeated = pairs.repeated();

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use mtj_protocol::sample::{StateSample, TorqueSample};
+use mtj_protocol::sample::{Header, StateSample, TorqueSample};
 
 /// How many states wait for their torque, and torques for their state: a monitor empties topics one
 /// after the other, so that one may be ahead of the other by what a stream holds.
@@ -69,9 +69,13 @@ impl Pairs {
         self.torques.push_back(torque);
     }
 
-    /// The next pair, in the order of the torques; `None` if more has to be taken in.
-    pub fn next(&mut self) -> Option<Pair> {
+    /// The next pair, in the order of the torques; `None` if more has to be taken in, or if its time
+    /// has not come: `is_ready` says so of what it begins with.
+    pub fn next(&mut self, is_ready: impl Fn(&Header) -> bool) -> Option<Pair> {
         while let Some(torque) = self.torques.front().copied() {
+            if !is_ready(&torque.header) && self.torques.len() <= MOST {
+                return None;
+            }
             let place = (torque.header.run, torque.header.sequence);
             // Said once more to a plant that did not hear it, or by a second controller.
             if self.answered.is_some_and(|(run, newest)| run == place.0 && place.1 <= newest) {
@@ -146,8 +150,6 @@ impl Pairs {
 
 #[cfg(test)]
 mod tests {
-    use mtj_protocol::sample::Header;
-
     use super::*;
 
     fn header(run: u64, sequence: u64) -> Header {
@@ -164,7 +166,7 @@ mod tests {
 
     /// The sequence numbers of the pairs, and whether each comes after a gap.
     fn drain(pairs: &mut Pairs) -> Vec<(u64, bool)> {
-        std::iter::from_fn(|| pairs.next())
+        std::iter::from_fn(|| pairs.next(|_| true))
             .map(|pair| {
                 assert_eq!(pair.state.header, pair.torque.header);
                 (pair.state.header.sequence, pair.after_gap)
@@ -215,11 +217,20 @@ mod tests {
     }
 
     #[test]
+    fn a_pair_waits_until_it_is_wanted() {
+        let mut pairs = Pairs::default();
+        pairs.ask(state(1, 0));
+        pairs.answer(torque(1, 0));
+        assert_eq!(pairs.next(|_| false), None);
+        assert_eq!(drain(&mut pairs), [(0, false)]);
+    }
+
+    #[test]
     fn memory_is_bounded_however_long_the_other_side_stays_away() {
         let mut pairs = Pairs::default();
         for i in 0..3 * MOST as u64 {
             pairs.answer(torque(1, i));
-            assert_eq!(pairs.next(), None);
+            assert_eq!(pairs.next(|_| true), None);
         }
         assert_eq!(pairs.torques.len(), MOST);
         for i in 0..3 * MOST as u64 {

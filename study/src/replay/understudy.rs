@@ -46,6 +46,11 @@ impl<'a> Understudy<'a> {
         Ok(())
     }
 
+    /// Whether it has the scenario that a sample is about.
+    pub fn knows(&self, header: &Header) -> bool {
+        scenario_of(&self.scenarios, header).is_some()
+    }
+
     /// Answers a state and holds the answer against the recorded one.
     pub fn answer(&mut self, pair: &Pair, findings: &mut Findings) -> Result<(), String> {
         let Pair { state, torque, after_gap } = pair;
