@@ -320,7 +320,7 @@ fn what_cannot_be_recorded_or_read_is_refused_in_one_sentence() {
     let text = text.to_str().unwrap();
     for (arguments, words) in [
         (&["monitor", "--record", "/nowhere/run.mcap"][..], "/nowhere/run.mcap"),
-        (&["monitor", "--record", "/"], "directory"),
+        (&["monitor", "--record", "/", "--overwrite"], "directory"),
         (&["replay", "/nowhere/run.mcap"], "No such file"),
         (&["replay", text], "not an MCAP file"),
         (&["replay", text, "--set", "law.kind"], "KEY=VALUE"),
