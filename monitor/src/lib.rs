@@ -6,6 +6,7 @@
 //! lines     an audience: a line of text a second
 //! desk      an audience: takes knob turns from dashboards to the plant
 //! recording an audience: every message in a file; and such a file as a source
+//! web       an audience: the dashboard in a browser
 //! ```
 
 pub mod desk;
@@ -15,3 +16,4 @@ pub mod monitor;
 pub mod options;
 pub mod overview;
 pub mod recording;
+pub mod web;

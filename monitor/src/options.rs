@@ -7,9 +7,10 @@ use crate::{
     lines::Lines,
     monitor::{self, Audience, Live},
     recording::options::RecordingOptions,
+    web::{Place, WebOptions},
 };
 
-/// Run a monitor alone: it prints one line a second
+/// Run a monitor alone: it prints one line a second, and serves a dashboard with --web
 #[derive(Args, Clone, Debug)]
 pub struct MonitorOptions {
     /// Where the plant is.
@@ -18,6 +19,9 @@ pub struct MonitorOptions {
     /// Whether it records.
     #[command(flatten)]
     pub recording: RecordingOptions,
+    /// The dashboard in a browser.
+    #[command(flatten)]
+    pub web: WebOptions,
 }
 
 impl MonitorOptions {
@@ -27,9 +31,13 @@ impl MonitorOptions {
         let settings = self.role.bus.settings();
         let settings = settings.map_err(|error| BusError::Settings(error.to_string()))?;
         let recording = self.recording.begin(&settings)?;
+        let reception = self.web.listen()?;
         let Some(bus) = self.role.join(shutdown)? else { return Ok(()) };
         let mut source = Live::open(&bus)?;
         let mut audience: Vec<Box<dyn Audience>> = vec![Box::new(Lines::new(std::io::stdout()))];
+        if let Some(reception) = reception {
+            reception.join(&bus, &Place::from(&settings), &mut audience)?;
+        }
         if let Some(recording) = recording {
             audience.push(Box::new(recording.start()?));
         }

@@ -1,0 +1,204 @@
+//! The last minutes, thinned so that no peak is ever lost.
+//!
+//! Run time is cut into bins of 10 ms; of all samples of a series that fall into one bin the
+//! smallest and the largest are kept. Ten minutes are kept, however fast they passed.
+
+use std::collections::VecDeque;
+
+use super::series::COUNT;
+
+/// The width of a bin, ns of run time.
+pub const WIDTH_NS: u64 = 10_000_000;
+/// How many bins of run time are kept: ten minutes.
+const KEPT: u64 = 60_000;
+
+/// The smallest and the largest sample of a series in a bin; not a number where there is none.
+#[derive(Clone, Copy, Debug)]
+pub struct Range {
+    /// The smallest.
+    pub min: f32,
+    /// The largest.
+    pub max: f32,
+}
+
+impl Range {
+    const EMPTY: Self = Self { min: f32::NAN, max: f32::NAN };
+
+    // `min` and `max` of a number and of what is none give the number.
+    fn add(&mut self, other: Self) {
+        self.min = self.min.min(other.min);
+        self.max = self.max.max(other.max);
+    }
+
+    /// Whether there is no sample.
+    pub fn is_empty(self) -> bool {
+        self.min.is_nan()
+    }
+}
+
+/// All series over one bin's time.
+#[derive(Clone, Copy, Debug)]
+pub struct Bin {
+    /// Which one, counted from the beginning of the run.
+    pub place: u64,
+    /// One for each series.
+    pub ranges: [Range; COUNT],
+}
+
+impl Bin {
+    fn at(place: u64) -> Self {
+        Self { place, ranges: [Range::EMPTY; COUNT] }
+    }
+}
+
+/// The bins of the last ten minutes of a run that have samples.
+#[derive(Default)]
+pub struct History {
+    bins: VecDeque<Bin>,
+}
+
+impl History {
+    /// Counts one sample of a series.
+    pub fn add(&mut self, time_ns: u64, series: usize, value: f64) {
+        // Rounding keeps the order, so the largest is still the largest.
+        let value = value as f32;
+        if let Some(bin) = self.bin(time_ns / WIDTH_NS) {
+            bin.ranges[series].add(Range { min: value, max: value });
+        }
+    }
+
+    /// The bin of that place; `None` if it is too long ago.
+    fn bin(&mut self, place: u64) -> Option<&mut Bin> {
+        let newest = self.bins.back().map(|bin| bin.place);
+        if newest.is_some_and(|newest| newest >= place + KEPT) {
+            return None;
+        }
+        let index = match newest {
+            Some(newest) if newest == place => self.bins.len() - 1,
+            Some(newest) if newest > place => self.index(place),
+            _ => self.bins.len(),
+        };
+        if self.bins.get(index).is_none_or(|bin| bin.place != place) {
+            self.bins.insert(index, Bin::at(place));
+        }
+        let mut index = index;
+        while self.bins.front().is_some_and(|oldest| oldest.place + KEPT <= place) {
+            self.bins.pop_front();
+            index -= 1;
+        }
+        self.bins.get_mut(index)
+    }
+
+    /// Of the first bin that is not before a place.
+    fn index(&self, place: u64) -> usize {
+        self.bins.partition_point(|bin| bin.place < place)
+    }
+
+    /// The bins from one place to before another.
+    pub fn between(&self, from: u64, to: u64) -> impl ExactSizeIterator<Item = &Bin> + Clone {
+        let end = self.index(to);
+        self.bins.range(self.index(from).min(end)..end)
+    }
+}
+
+/// Merges neighbours so that each of the results spans `span` bins, counted from `first`.
+pub fn merge(bins: impl Iterator<Item = Bin>, first: u64, span: u64) -> Vec<Bin> {
+    let mut merged: Vec<Bin> = Vec::new();
+    for bin in bins {
+        let place = first + bin.place.saturating_sub(first) / span * span;
+        match merged.last_mut().filter(|last| last.place == place) {
+            None => merged.push(Bin { place, ..bin }),
+            Some(last) => {
+                for (range, more) in last.ranges.iter_mut().zip(bin.ranges) {
+                    range.add(more);
+                }
+            }
+        }
+    }
+    merged
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_pcg::{
+        Pcg32,
+        rand_core::{Rng, SeedableRng},
+    };
+
+    use super::*;
+
+    fn extremes(samples: &[(u64, f64)], from_ns: u64, to_ns: u64) -> Option<(f32, f32)> {
+        let inside = samples.iter().filter(|(time, _)| (from_ns..to_ns).contains(time));
+        let values: Vec<f64> = inside.map(|(_, value)| *value).collect();
+        let min = values.iter().copied().reduce(f64::min)?;
+        let max = values.iter().copied().reduce(f64::max)?;
+        Some((min as f32, max as f32))
+    }
+
+    /// Noise with rare peaks at 10 kHz, with a few samples out of order.
+    fn samples(seed: u64) -> Vec<(u64, f64)> {
+        let mut random = Pcg32::seed_from_u64(seed);
+        let mut samples: Vec<(u64, f64)> = (0..20_000)
+            .map(|k| {
+                let noise = f64::from(random.next_u32()) / f64::from(u32::MAX) - 0.5;
+                let peak = if random.next_u32() % 997 == 0 { 1e3 * noise } else { noise };
+                (k * 100_000 + u64::from(random.next_u32() % 50_000), peak)
+            })
+            .collect();
+        for _ in 0..500 {
+            let k = random.next_u32() as usize % (samples.len() - 300);
+            samples.swap(k, k + 1 + random.next_u32() as usize % 299);
+        }
+        samples
+    }
+
+    #[test]
+    fn thinning_at_10_khz_keeps_every_peak() {
+        for seed in 1..6 {
+            let samples = samples(seed);
+            let mut history = History::default();
+            for (time, value) in &samples {
+                history.add(*time, 3, *value);
+            }
+            assert_eq!(history.between(0, u64::MAX).len(), 200);
+            for bin in history.between(0, u64::MAX) {
+                let from = bin.place * WIDTH_NS;
+                let found = (bin.ranges[3].min, bin.ranges[3].max);
+                assert_eq!(extremes(&samples, from, from + WIDTH_NS), Some(found), "seed {seed}");
+                assert!(bin.ranges[4].is_empty());
+            }
+        }
+    }
+
+    #[test]
+    fn merging_neighbours_keeps_every_peak() {
+        let samples = samples(7);
+        let mut history = History::default();
+        for (time, value) in &samples {
+            history.add(*time, 0, *value);
+        }
+        for span in [1, 2, 7, 60, 1000] {
+            let merged = merge(history.between(3, 190).copied(), 3, span);
+            assert_eq!(merged.len() as u64, 187_u64.div_ceil(span));
+            for bin in merged {
+                let (from, to) = (bin.place, (bin.place + span).min(190));
+                let found = (bin.ranges[0].min, bin.ranges[0].max);
+                assert_eq!(extremes(&samples, from * WIDTH_NS, to * WIDTH_NS), Some(found));
+            }
+        }
+    }
+
+    #[test]
+    fn ten_minutes_are_kept_and_no_more() {
+        let mut history = History::default();
+        for second in 0..3000 {
+            history.add(second * 1_000_000_000, 0, second as f64);
+        }
+        let kept: Vec<u64> = history.between(0, u64::MAX).map(|bin| bin.place).collect();
+        assert_eq!((kept.len(), kept[0], kept[599]), (600, 240_000, 299_900));
+        history.add(0, 0, 1.0);
+        assert_eq!(history.between(0, u64::MAX).len(), 600, "what is too old is not kept");
+        history.add(2_999_000_000_000 + 3_600_000_000_000, 0, 1.0);
+        assert_eq!(history.between(0, u64::MAX).len(), 1, "a leap leaves nothing behind");
+    }
+}
