@@ -5,6 +5,7 @@
 //! overview  what is known of a session by now
 //! lines     an audience: a line of text a second
 //! desk      an audience: takes knob turns from dashboards to the plant
+//! recording an audience: every message in a file; and such a file as a source
 //! web       an audience: the dashboard in a browser
 //! ```
 
@@ -14,4 +15,5 @@ pub mod lines;
 pub mod monitor;
 pub mod options;
 pub mod overview;
+pub mod recording;
 pub mod web;

@@ -6,6 +6,7 @@ use mtj_protocol::{bus::BusError, options::RoleOptions};
 use crate::{
     lines::Lines,
     monitor::{self, Audience, Live},
+    recording::options::RecordingOptions,
     web::{Place, WebOptions},
 };
 
@@ -18,6 +19,9 @@ pub struct MonitorOptions {
     /// Where the plant is.
     #[command(flatten)]
     pub role: RoleOptions,
+    /// Whether it records.
+    #[command(flatten)]
+    pub recording: RecordingOptions,
     /// The dashboard in a browser.
     #[command(flatten)]
     pub web: WebOptions,
@@ -27,15 +31,19 @@ impl MonitorOptions {
     /// Watches until asked to stop.
     pub fn run(&self) -> Result<(), BusError> {
         let shutdown = self.role.shutdown();
+        let settings = self.role.bus.settings();
+        let settings = settings.map_err(|error| BusError::Settings(error.to_string()))?;
+        let recording = self.recording.begin(&settings)?;
         let reception = self.web.listen()?;
         let Some(bus) = self.role.join(shutdown)? else { return Ok(()) };
+        let mut source = Live::open(&bus)?;
         let mut audience: Vec<Box<dyn Audience>> = vec![Box::new(Lines::new(std::io::stdout()))];
         if let Some(reception) = reception {
-            let settings = self.role.bus.settings();
-            let settings = settings.map_err(|error| BusError::Settings(error.to_string()))?;
             reception.join(&bus, &Place::from(&settings), &mut audience)?;
         }
-        let mut source = Live::open(&bus)?;
+        if let Some(recording) = recording {
+            audience.push(Box::new(recording.start()?));
+        }
         if self.role.until_stdin_closes {
             eprintln!("{LISTENING}");
         }

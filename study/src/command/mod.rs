@@ -1,8 +1,10 @@
 //! The subcommands of `mtj`, one file each.
 
+pub mod export;
 pub mod knob;
 pub mod paper;
 pub mod predict;
+pub mod replay;
 pub mod report;
 pub mod run;
 pub mod scenario;
