@@ -4,6 +4,7 @@
 //! monitor   the loop: a source (bus or recording) and its audience
 //! overview  what is known of a session by now
 //! lines     an audience: a line of text a second
+//! terminal  an audience: a dashboard in the terminal
 //! desk      an audience: takes knob turns from dashboards to the plant
 //! ```
 
@@ -13,3 +14,4 @@ pub mod lines;
 pub mod monitor;
 pub mod options;
 pub mod overview;
+pub mod terminal;
