@@ -65,8 +65,9 @@ impl TerminalOptions {
         }
         let settings = bus.settings().map_err(|error| BusError::Settings(error.to_string()))?;
         let place = format!("{} over {}", settings.session, settings.kind.name());
-        let dashboard = Dashboard::open(place)
-            .map_err(|error| BusError::Transport(format!("--tui: no terminal to draw on: {error}")))?;
+        let dashboard = Dashboard::open(place).map_err(|error| {
+            BusError::Transport(format!("--tui: no terminal to draw on: {error}"))
+        })?;
         Ok(Some(dashboard))
     }
 

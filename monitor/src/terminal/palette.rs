@@ -40,6 +40,7 @@ impl Palette {
     }
 
     /// With or without colours.
+    #[cfg(test)]
     pub fn new(coloured: bool) -> Self {
         Self { coloured }
     }
@@ -52,7 +53,9 @@ impl Palette {
             Ink::Alarm | Ink::Waiting if self.coloured => {
                 Style::new().fg(Color::Indexed(231)).add_modifier(Modifier::BOLD)
             }
-            Ink::Alarm | Ink::Waiting => Style::new().add_modifier(Modifier::REVERSED | Modifier::BOLD),
+            Ink::Alarm | Ink::Waiting => {
+                Style::new().add_modifier(Modifier::REVERSED | Modifier::BOLD)
+            }
             _ => Style::new(),
         };
         match ink {
@@ -110,8 +113,11 @@ mod tests {
     #[test]
     fn every_colour_is_legible_on_dark_and_on_light() {
         let palette = Palette::new(true);
-        for ink in [Ink::Faint, Ink::Tip, Ink::Desired, Ink::Well, Ink::Force, Ink::Mark, Ink::Bad] {
-            let Color::Indexed(index) = palette.color(ink) else { panic!("{ink:?} follows the theme") };
+        for ink in [Ink::Faint, Ink::Tip, Ink::Desired, Ink::Well, Ink::Force, Ink::Mark, Ink::Bad]
+        {
+            let Color::Indexed(index) = palette.color(ink) else {
+                panic!("{ink:?} follows the theme")
+            };
             for ground in [0.0, 1.0] {
                 // What WCAG asks of large text and of graphics.
                 let contrast = contrast(luminance(index), ground);

@@ -200,6 +200,8 @@ fn frames_have_stopped() -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::num::NonZero;
+
     use ratatui::style::{Color, Style};
 
     use super::*;
@@ -212,14 +214,18 @@ mod tests {
         buffer
     }
 
+    fn terminal() -> vt100::Parser {
+        let cells = |count| NonZero::new(count).unwrap();
+        vt100::Parser::new(cells(3), cells(12), 0)
+    }
+
     fn rows(terminal: &vt100::Parser) -> Vec<String> {
-        let (_, width) = terminal.screen().size();
-        terminal.screen().rows(0, width).collect()
+        terminal.screen().rows(0, 12).collect()
     }
 
     #[test]
     fn a_frame_turns_what_is_shown_into_what_should_be() {
-        let mut terminal = vt100::Parser::new(3, 12, 0);
+        let mut terminal = terminal();
         let first = picture(12, 3, &[(0, 0, "t 1.00 s"), (3, 2, "k 0.9")]);
         terminal.process(&frame(None, &first).unwrap());
         assert_eq!(rows(&terminal), ["t 1.00 s", "", "   k 0.9"]);
@@ -232,7 +238,7 @@ mod tests {
 
     #[test]
     fn a_whole_frame_covers_what_others_have_written() {
-        let mut terminal = vt100::Parser::new(3, 12, 0);
+        let mut terminal = terminal();
         let shown = picture(12, 3, &[(0, 0, "t 1.00 s")]);
         terminal.process(&frame(None, &shown).unwrap());
         terminal.process(b"\nmtj: ignoring a state sample\n\n\n");

@@ -147,9 +147,11 @@ mod tests {
         for (time, value) in [(1.0, 1.0), (1.01, 2.0), (5.0, 3.0), (5.01, 4.0)] {
             track.push(time, value);
         }
-        let lines = track.lines(0.0, 10.0, 500, 0.5);
-        let values: Vec<Vec<f64>> =
-            lines.iter().map(|line| line.iter().step_by(2).map(|point| point.1).collect()).collect();
+        let lines = track.lines(0.0, 10.0, 1000, 0.5);
+        let values: Vec<Vec<f64>> = lines
+            .iter()
+            .map(|line| line.iter().step_by(2).map(|point| point.1).collect())
+            .collect();
         assert_eq!(values, [[1.0, 2.0], [3.0, 4.0]]);
     }
 

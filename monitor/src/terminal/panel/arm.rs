@@ -50,13 +50,15 @@ impl Frame {
         let size = (stage.high - stage.low) * 1.04;
         let dot = (size.x / dots.0).max(size.y / dots.1).max(1e-9);
         let middle = (stage.high + stage.low) / 2.0;
-        let around = |middle: f64, dots: f64| [middle - dot * dots / 2.0, middle + dot * dots / 2.0];
+        let around =
+            |middle: f64, dots: f64| [middle - dot * dots / 2.0, middle + dot * dots / 2.0];
         Self { x: around(middle.x, dots.0), y: around(middle.y, dots.1), dots }
     }
 
     /// The cell of a point.
     fn cell(&self, point: &Point, area: Rect) -> (u16, u16) {
-        let along = |value: f64, [low, high]: [f64; 2]| ((value - low) / (high - low)).clamp(0.0, 1.0);
+        let along =
+            |value: f64, [low, high]: [f64; 2]| ((value - low) / (high - low)).clamp(0.0, 1.0);
         let x = (along(point.x, self.x) * (self.dots.0 - 1.0)).round() as u16 / 2;
         let y = ((1.0 - along(point.y, self.y)) * (self.dots.1 - 1.0)).round() as u16 / 4;
         (area.x + x, area.y + y)
@@ -126,7 +128,9 @@ fn draw_points(picture: &Picture, frame: &Frame, arm: &[Point], area: Rect, buf:
 fn draw_legend(picture: &Picture, frame: &Frame, area: Rect, buf: &mut Buffer) {
     let room = f64::from(area.width) / 4.0;
     let lengths = (-3..4).flat_map(|power| [1.0, 2.0, 5.0].map(|digit| digit * 10f64.powi(power)));
-    let Some(length) = lengths.filter(|length| frame.columns(*length) <= room).last() else { return };
+    let Some(length) = lengths.filter(|length| frame.columns(*length) <= room).last() else {
+        return;
+    };
     let dashes = (frame.columns(length).round() as usize).saturating_sub(2);
     let scale = format!("├{}┤ {length} m", "─".repeat(dashes));
     picture.ink(scale, Ink::Faint).render(area, buf);

@@ -52,10 +52,7 @@ pub fn factor(picture: &Picture, area: Rect, buf: &mut Buffer) {
             let axes = (error.header.axes as usize).min(error.factor.len());
             let now: Vec<_> = error.factor[..axes].iter().map(|k| format!("{k:.3}")).collect();
             let lowest = range.map_or(String::new(), |range| format!("  lowest {:.3}", range.min));
-            Line::from(vec![
-                picture.ink(now.join(" "), Ink::Well),
-                picture.ink(lowest, Ink::Faint),
-            ])
+            Line::from(vec![picture.ink(now.join(" "), Ink::Well), picture.ink(lowest, Ink::Faint)])
         }
         (Some(law), _) if law != LawKind::Mtj => {
             Line::from(picture.ink(format!("{} has none", law.name()), Ink::Faint))
@@ -82,35 +79,34 @@ fn window(picture: &Picture) -> [f64; 2] {
 
 fn lines(picture: &Picture, track: &Track, area: Rect) -> Vec<Vec<(f64, f64)>> {
     let [from, to] = window(picture);
-    let period = picture.view.scenario().map_or(0.0, |scenario| {
-        scenario.timing.sample_period.as_secs_f64()
-    });
+    let period =
+        picture.view.scenario().map_or(0.0, |scenario| scenario.timing.sample_period.as_secs_f64());
     track.lines(from, to, 2 * usize::from(area.width), GAP.max(3.0 * period))
 }
 
 /// A logarithmic axis from one power of ten to another.
 struct Decades {
     lowest: i32,
+    highest: i32,
     step: i32,
-    steps: i32,
 }
 
 impl Decades {
     fn around(min: f64, max: f64, height: u16) -> Self {
         let lowest = min.floor() as i32;
-        let count = (max.ceil() as i32 - lowest).max(1);
-        // No more labels than every other row.
-        let most = i32::from(height.saturating_sub(2) / 2).max(1);
-        let step = (count + most - 1) / most;
-        Self { lowest, step, steps: (count + step - 1) / step }
+        let highest = (max.ceil() as i32).max(lowest + 1);
+        // A label at each power of ten if they have two rows each; else at the ends.
+        let is_roomy = 2 * (highest - lowest) < i32::from(height);
+        Self { lowest, highest, step: if is_roomy { 1 } else { highest - lowest } }
     }
 
     fn bounds(&self) -> [f64; 2] {
-        [f64::from(self.lowest), f64::from(self.lowest + self.step * self.steps)]
+        [f64::from(self.lowest), f64::from(self.highest)]
     }
 
     fn labels(&self) -> Vec<String> {
-        (0..=self.steps).map(|i| format!("1e{}", self.lowest + i * self.step)).collect()
+        let powers = (self.lowest..=self.highest).step_by(self.step as usize);
+        powers.map(|power| format!("1e{power}")).collect()
     }
 }
 
@@ -155,9 +151,7 @@ impl Plot {
         let times = changes.map(|change| change.header.time_ns as f64 * 1e-9);
         times
             .flat_map(|time| {
-                (0..=dots).map(move |i| {
-                    (time, low + (high - low) * f64::from(i) / f64::from(dots))
-                })
+                (0..=dots).map(move |i| (time, low + (high - low) * f64::from(i) / f64::from(dots)))
             })
             .collect()
     }

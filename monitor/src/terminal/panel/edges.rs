@@ -10,7 +10,7 @@ use ratatui::{
     widgets::{Paragraph, Widget, Wrap},
 };
 
-use super::{Picture, SMALLEST, figure, stack};
+use super::{Picture, SMALLEST, figure, session, stack};
 use crate::{
     overview::{Alarm, Phase},
     terminal::palette::Ink,
@@ -65,7 +65,8 @@ pub fn facts(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let mut line = Line::default();
     for (name, value) in facts {
         let fact = [picture.ink(format!("{name} "), Ink::Faint), Span::raw(format!("{value}  "))];
-        if line.width() + fact.iter().map(Span::width).sum::<usize>() > usize::from(area.width) + 2 {
+        if line.width() + fact.iter().map(Span::width).sum::<usize>() > usize::from(area.width) + 2
+        {
             break;
         }
         line.spans.extend(fact);
@@ -110,8 +111,9 @@ pub fn banner(picture: &Picture, alarm: Alarm, area: Rect, buf: &mut Buffer) {
     Line::from(alarm.sentence()).centered().style(picture.palette.style(ink)).render(area, buf);
 }
 
-/// What can be pressed, and what there is to say besides.
-pub fn keys(picture: &Picture, area: Rect, buf: &mut Buffer) {
+/// What can be pressed, and what there is to say besides: at least who is there, where nothing
+/// else says so.
+pub fn keys(picture: &Picture, has_roles: bool, area: Rect, buf: &mut Buffer) {
     let hold = if picture.is_held { "go on" } else { "hold" };
     let window = format!("{} s", picture.window);
     let keys = [("q", "quit"), ("space", hold), ("+/−", &window), ("?", "keys")];
@@ -122,11 +124,12 @@ pub fn keys(picture: &Picture, area: Rect, buf: &mut Buffer) {
     left.render(area, buf);
     let missed = picture.view.overview.missed;
     let right = match &picture.aside {
-        Some(aside) => picture.ink(aside.clone(), Ink::Bad),
+        Some(aside) => picture.ink(aside.clone(), Ink::Bad).into(),
         None if missed > 0 => {
-            picture.ink(format!("this monitor missed {missed} samples"), Ink::Bad)
+            picture.ink(format!("this monitor missed {missed} samples"), Ink::Bad).into()
         }
-        None => return,
+        None if has_roles => Line::default(),
+        None => session::lamps(picture),
     };
     let room = area.width.saturating_sub(width);
     let width = room.min(right.width() as u16);

@@ -17,8 +17,7 @@ pub fn torques(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let limits = picture.view.scenario().map_or(&[][..], |scenario| &scenario.safety.torque_limit);
     let is_limited = limits.iter().any(|limit| limit.is_finite());
     let right = if is_limited || limits.is_empty() { "" } else { "no limit" };
-    let area =
-        picture.rule("Torque N m", Line::from(picture.ink(right, Ink::Faint)), area, buf);
+    let area = picture.rule("Torque N m", Line::from(picture.ink(right, Ink::Faint)), area, buf);
     let in_effect = overview.status.map(|status| status.torque);
     let Some(torques) = in_effect.or(overview.torque.map(|torque| torque.torque)) else { return };
     let joints = MAX_JOINTS.min(overview.header().map_or(0, |header| header.joints as usize));
@@ -30,7 +29,8 @@ pub fn torques(picture: &Picture, area: Rect, buf: &mut Buffer) {
         let limit = limits.get(joint).copied().filter(|limit| limit.is_finite());
         let scale = limit.unwrap_or_else(|| nice(commanded.peak().max(torque.abs())));
         let left = format!("{} {:>6} ", joint + 1, figure(torque));
-        let right = format!(" {}{}", if limit.is_some() { "≤" } else { "±" }, figure_of_scale(scale));
+        let right =
+            format!(" {}{}", if limit.is_some() { "≤" } else { "±" }, figure_of_scale(scale));
         let is_over = limit.is_some_and(|limit| commanded.peak() > limit);
         let used = (left.chars().count() + right.chars().count()) as u16;
         let Some(width) = row.width.checked_sub(used).filter(|width| *width >= 5) else { continue };
@@ -64,11 +64,19 @@ fn bar<'a>(picture: &Picture, value: f64, range: Range, scale: f64, width: u16) 
 /// The next of 1, 2, 5, 10, 20 …
 fn nice(value: f64) -> f64 {
     let decade = 10f64.powf(value.max(1e-3).log10().floor());
-    [1.0, 2.0, 5.0].map(|digit| digit * decade).into_iter().find(|nice| *nice >= value).unwrap_or(10.0 * decade)
+    [1.0, 2.0, 5.0]
+        .map(|digit| digit * decade)
+        .into_iter()
+        .find(|nice| *nice >= value)
+        .unwrap_or(10.0 * decade)
 }
 
 fn figure_of_scale(value: f64) -> String {
-    if value.fract() == 0.0 && value < 1e6 { format!("{value:<4.0}") } else { format!("{value:<4}") }
+    if value.fract() == 0.0 && value < 1e6 {
+        format!("{value:<4.0}")
+    } else {
+        format!("{value:<4}")
+    }
 }
 
 const AXES: [&str; MAX_AXES] = ["x", "y", "z", "4", "5", "6"];

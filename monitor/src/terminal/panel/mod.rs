@@ -74,14 +74,15 @@ impl Picture<'_> {
         if let Some(alarm) = alarm {
             edges::banner(self, alarm, banner, buf);
         }
+        let is_roomy = area.width >= ROOMY.0 && area.height >= ROOMY.1;
         if self.is_helping {
             edges::help(self, body, buf);
-        } else if area.width >= ROOMY.0 && area.height >= ROOMY.1 {
+        } else if is_roomy {
             self.roomy(body, buf);
         } else {
             self.compact(body, buf);
         }
-        edges::keys(self, keys, buf);
+        edges::keys(self, is_roomy && !self.is_helping, keys, buf);
     }
 
     fn roomy(&self, area: Rect, buf: &mut Buffer) {
@@ -93,17 +94,20 @@ impl Picture<'_> {
             Layout::vertical([Constraint::Fill(1), Constraint::Length(numbers)]).areas(area);
         // A cell is twice as high as it is wide.
         let arm = (2 * drawings.height).min(area.width * 2 / 5);
-        let [left, right] =
-            Layout::horizontal([Constraint::Length(arm), Constraint::Fill(1)]).spacing(1).areas(drawings);
+        let [left, right] = Layout::horizontal([Constraint::Length(arm), Constraint::Fill(1)])
+            .spacing(1)
+            .areas(drawings);
         let [error, factor] =
             Layout::vertical([Constraint::Fill(3), Constraint::Fill(2)]).areas(right);
         arm::paint(self, left, buf);
         chart::error(self, error, buf);
         chart::factor(self, factor, buf);
 
-        let columns: [Rect; 3] = Layout::horizontal([Constraint::Fill(1); 3]).spacing(1).areas(numbers);
+        let columns: [Rect; 3] =
+            Layout::horizontal([Constraint::Fill(1); 3]).spacing(1).areas(numbers);
         let [torques, task] =
-            Layout::vertical([Constraint::Length(1 + joints), Constraint::Fill(1)]).areas(columns[0]);
+            Layout::vertical([Constraint::Length(1 + joints), Constraint::Fill(1)])
+                .areas(columns[0]);
         effort::torques(self, torques, buf);
         effort::task(self, task, buf);
         timing::paint(self, columns[1], buf);
@@ -115,12 +119,14 @@ impl Picture<'_> {
         let [drawings, numbers] =
             Layout::vertical([Constraint::Fill(1), Constraint::Length(numbers)]).areas(area);
         let arm = (2 * drawings.height).min(area.width * 2 / 5);
-        let [left, right] =
-            Layout::horizontal([Constraint::Length(arm), Constraint::Fill(1)]).spacing(1).areas(drawings);
+        let [left, right] = Layout::horizontal([Constraint::Length(arm), Constraint::Fill(1)])
+            .spacing(1)
+            .areas(drawings);
         arm::paint(self, left, buf);
         chart::error(self, right, buf);
-        let [left, right] =
-            Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)]).spacing(1).areas(numbers);
+        let [left, right] = Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)])
+            .spacing(1)
+            .areas(numbers);
         let joints = self.joints().min(left.height - 2);
         let [torques, task] =
             Layout::vertical([Constraint::Length(1 + joints), Constraint::Fill(1)]).areas(left);

@@ -21,7 +21,9 @@ const QUIET: Duration = Duration::from_millis(2500);
 /// Commands, roles and changes, one below the other.
 pub fn paint(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let counts = counts(picture, area.width);
-    let roles = roles(picture, area.width);
+    // The machine has a line of its own where there are lines to spare.
+    let lines = if area.height >= 12 { 2 } else { 1 };
+    let roles = roles(picture, area.width, lines);
     let [commands, parties, changes] = Layout::vertical([
         Constraint::Length(1 + counts.len() as u16),
         Constraint::Length(1 + roles.len() as u16),
@@ -61,16 +63,17 @@ pub fn counts<'a>(picture: &Picture, width: u16) -> Vec<Line<'a>> {
 pub fn lamps<'a>(picture: &Picture) -> Line<'a> {
     let mut spans = Vec::new();
     for (name, party, is_silent) in parties(picture) {
-        spans.extend([lamp(picture, party, is_silent), Span::raw(format!(" {name}  "))]);
+        spans.extend([lamp(picture, party, is_silent), Span::raw(format!(" {name} "))]);
     }
     Line::from(spans)
 }
 
 /// Plant and controller, each with what is known of it.
-fn roles<'a>(picture: &Picture, width: u16) -> Vec<Line<'a>> {
+fn roles<'a>(picture: &Picture, width: u16, most: usize) -> Vec<Line<'a>> {
     let mut lines = Vec::new();
     for (name, party, is_silent) in parties(picture) {
-        let mut pieces = vec![vec![lamp(picture, party, is_silent), Span::raw(format!(" {name:<10}"))]];
+        let mut pieces =
+            vec![vec![lamp(picture, party, is_silent), Span::raw(format!(" {name:<10}"))]];
         match (party.silence(), party.since) {
             (Some(silence), _) if is_silent => {
                 let words = format!("silent {:.1} s", silence.as_secs_f64());
@@ -78,7 +81,7 @@ fn roles<'a>(picture: &Picture, width: u16) -> Vec<Line<'a>> {
             }
             (Some(silence), Some(since)) => {
                 pieces.push(vec![Span::raw(elapsed(since.elapsed()))]);
-                let heard = format!("heard {:.2} s ago", silence.as_secs_f64());
+                let heard = format!("heard {:.1} s ago", silence.as_secs_f64());
                 pieces.push(vec![picture.ink(heard, Ink::Faint)]);
             }
             _ => pieces.push(vec![picture.ink("not heard yet", Ink::Faint)]),
@@ -87,7 +90,7 @@ fn roles<'a>(picture: &Picture, width: u16) -> Vec<Line<'a>> {
             let host = text_of(&presence.host);
             pieces.push(vec![picture.ink(format!("{host} {}", presence.process), Ink::Faint)]);
         }
-        lines.extend(flow(pieces, width).into_iter().take(1));
+        lines.extend(flow(pieces, width).into_iter().take(most));
     }
     lines
 }
@@ -95,7 +98,8 @@ fn roles<'a>(picture: &Picture, width: u16) -> Vec<Line<'a>> {
 fn parties<'a>(picture: &'a Picture) -> [(&'static str, &'a Party, bool); 2] {
     let alarm = picture.live.alarm();
     let is_over = picture.live.phase() == Some(Phase::Finished);
-    let is_quiet = |party: &Party| !is_over && party.silence().is_some_and(|silence| silence > QUIET);
+    let is_quiet =
+        |party: &Party| !is_over && party.silence().is_some_and(|silence| silence > QUIET);
     let (plant, controller) = (picture.live.plant(), picture.live.controller());
     let plant_is_silent = matches!(alarm, Some(Alarm::PlantSilent(_)));
     let controller_is_silent = matches!(alarm, Some(Alarm::ControllerSilent(_)));

@@ -25,21 +25,21 @@ pub fn paint(picture: &Picture, area: Rect, buf: &mut Buffer) {
     }
 }
 
-/// Round trip and residence, and in a line each how commands and roles are doing.
+/// Round trip and residence, and how commands are doing.
 pub fn brief(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let area = table(picture, area, buf, area.height > 5);
-    let lines = session::counts(picture, area.width);
-    stack(lines.into_iter().chain([session::lamps(picture)]), area, buf);
+    stack(session::counts(picture, area.width), area, buf);
 }
 
 fn table(picture: &Picture, area: Rect, buf: &mut Buffer, jitter: bool) -> Rect {
-    let column = usize::from((area.width.saturating_sub(10) / 3).clamp(5, 9));
-    let heading = format!("{:>column$}{:>column$}{:>column$}", "p50", "p99", "max");
+    // The last column has a place more, for what is longest.
+    let column = usize::from((area.width.saturating_sub(11) / 3).clamp(5, 9));
+    let last = column + 1;
     let rest = picture.rule("Loop µs", Line::default(), area, buf);
     // The columns go over the rule.
     let at = Rect { x: area.x + 10, width: area.width.saturating_sub(10), height: 1, ..area };
-    for (i, part) in heading.split_whitespace().enumerate() {
-        let end = at.x + ((i + 1) * column) as u16;
+    for (part, end) in [("p50", column), ("p99", 2 * column), ("max", 2 * column + last)] {
+        let end = at.x + end as u16;
         let width = part.len() as u16 + 1;
         let place = Rect { x: end - width, width, ..at }.intersection(area);
         picture.ink(format!(" {part}"), Ink::Faint).render(place, buf);
@@ -58,7 +58,7 @@ fn table(picture: &Picture, area: Rect, buf: &mut Buffer, jitter: bool) -> Rect 
             Some(Spread { p50, p99, max }) => Line::from(vec![
                 name,
                 Span::raw(format!("{:>column$}{:>column$}", micros(p50), micros(p99))),
-                picture.ink(format!("{:>column$}", micros(max)), Ink::Strong),
+                picture.ink(format!("{:>last$}", micros(max)), Ink::Strong),
             ]),
             None => Line::from(vec![name, Span::raw(format!("{:>column$}", "–"))]),
         }
