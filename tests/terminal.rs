@@ -228,7 +228,7 @@ fn the_dashboard_shows_a_live_session_and_leaves_the_terminal_as_it_was() {
             let screen = terminal.rows();
             let keys: Vec<_> =
                 (0..screen.len()).filter(|i| screen[*i].contains("q quit")).collect();
-            let titles = screen.iter().filter(|row| row.contains("sampled/mtj")).count();
+            let titles = screen.iter().filter(|row| row.contains("running  t")).count();
             let is_wide = screen[0].chars().count() == usize::from(columns);
             (keys == [usize::from(rows) - 1] && titles == 1 && is_wide).then_some(())
         });

@@ -45,7 +45,8 @@ impl Track {
         if !value.is_finite() {
             return;
         }
-        let bin = (time / BIN) as u64;
+        // A time that is a whole number of bins must not fall short of its own by rounding.
+        let bin = (time / BIN + 1e-6) as u64;
         match self.bins.back_mut() {
             Some((newest, range)) if bin <= *newest => range.join(Range::of(value)),
             _ => {

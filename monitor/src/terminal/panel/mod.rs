@@ -115,7 +115,7 @@ impl Picture<'_> {
     }
 
     fn compact(&self, area: Rect, buf: &mut Buffer) {
-        let numbers = if area.height >= 16 { 7 } else { 5 };
+        let numbers = if area.height >= 16 { 7 } else { 6 };
         let [drawings, numbers] =
             Layout::vertical([Constraint::Fill(1), Constraint::Length(numbers)]).areas(area);
         let arm = (2 * drawings.height).min(area.width * 2 / 5);

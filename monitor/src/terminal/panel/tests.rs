@@ -138,6 +138,7 @@ fn the_essentials_are_shown_at_every_size() {
                 "4.00e-2 m  peak 4.0e-1",
                 "-3.25",
                 "8.00",
+                "1.50 0.875",
                 "40.0 0.875",
                 "12.5  11.2",
                 "round trip",
