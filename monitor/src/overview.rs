@@ -25,7 +25,7 @@ const ABSENT: Duration = Duration::from_millis(2500);
 const CHANGES: usize = 200;
 
 /// The newest of everything.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Overview {
     /// Of the run that is heard.
     pub scenario: Option<Arc<Offered>>,
