@@ -17,5 +17,5 @@ pub mod monitor;
 pub mod options;
 pub mod overview;
 pub mod recording;
-pub mod web;
 pub mod terminal;
+pub mod web;
