@@ -88,11 +88,8 @@ async fn answer(stream: TcpStream, router: Router, room: Room) {
     let _ = stream.set_nodelay(true);
     let patience = if room.is_some() { PATIENCE } else { BRIEF };
     let service = TowerToHyperService::new(router.layer(Extension(room)));
-    // One request a connection: an idle browser keeps nobody out.
-    let connection = http1::Builder::new()
-        .keep_alive(false)
-        .serve_connection(TokioIo::new(stream), service)
-        .with_upgrades();
+    let connection =
+        http1::Builder::new().serve_connection(TokioIo::new(stream), service).with_upgrades();
     // Ends with an error where somebody goes away in the middle of something.
     let _ = timeout(patience, connection).await;
 }
@@ -123,6 +120,10 @@ async fn secure(mut response: Response) -> Result<Response, Infallible> {
         // The next version of the program has the next version of the page.
         (header::CACHE_CONTROL, "no-store"),
     ];
+    if response.status() != StatusCode::SWITCHING_PROTOCOLS {
+        // One request a connection: an idle browser keeps nobody out.
+        response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+    }
     for (name, value) in headers {
         response.headers_mut().insert(name, HeaderValue::from_static(value));
     }
