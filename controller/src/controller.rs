@@ -66,9 +66,19 @@ impl std::error::Error for LawError {}
 impl Controller {
     /// The controller that a scenario describes.
     pub fn new(scenario: &Scenario) -> Self {
-        let law: Box<dyn Respond> =
-            for_links!(scenario.arm.links.len(), N => Box::new(ArmController::<N>::new(scenario)));
+        let law = law(scenario, None, Predictor::new(scenario.law.prediction));
         Self { law, answered: TorqueSample::default(), error: ErrorSample::default() }
+    }
+
+    /// Goes on under a scenario that was changed while it runs, for the same arm: with what it remembers, so
+    /// that a change of something else gives the arm no jerk.
+    pub fn adopt(&mut self, scenario: &Scenario) {
+        let (memory, predictor) = self.law.remembered();
+        let (memory, predictor) = (
+            memory.map(|memory| memory.adopt(&scenario.law.memory)),
+            predictor.adopt(scenario.law.prediction),
+        );
+        self.law = law(scenario, memory, predictor);
     }
 
     /// τ = J_Cᵀ Q̂ for a measured state, with Q̂ from the law. The desired motion is evaluated at the
@@ -91,6 +101,14 @@ impl Controller {
 
 trait Respond {
     fn respond(&mut self, state: &StateSample) -> Result<(TorqueSample, ErrorSample), LawError>;
+    /// What is known from earlier samples.
+    fn remembered(&self) -> (Option<Memory>, Predictor);
+}
+
+fn law(scenario: &Scenario, memory: Option<Memory>, predictor: Predictor) -> Box<dyn Respond> {
+    for_links!(scenario.arm.links.len(), N => {
+        Box::new(ArmController::<N>::new(scenario, memory, predictor))
+    })
 }
 
 /// A law for an arm of `N` links.
@@ -112,7 +130,7 @@ enum Law {
 const WORST_CONDITION: f64 = 1e9;
 
 impl<const N: usize> ArmController<N> {
-    fn new(scenario: &Scenario) -> Self {
+    fn new(scenario: &Scenario, memory: Option<Memory>, predictor: Predictor) -> Self {
         let settings = &scenario.law;
         let (kp, kd) = (settings.kp, settings.kd);
         let tj = TransposeJacobian { kp, kd };
@@ -124,7 +142,7 @@ impl<const N: usize> ArmController<N> {
                     factor: factor(&settings.factor),
                     ceiling: settings.factor.ceiling,
                 },
-                memory: Memory::new(&settings.memory),
+                memory: memory.unwrap_or_else(|| Memory::new(&settings.memory)),
                 acceleration: settings.acceleration,
             },
             LawKind::Mb => Law::Mb(ModelBased { kp, kd }),
@@ -133,7 +151,7 @@ impl<const N: usize> ArmController<N> {
             arm: scenario.arm.scaled(settings.mass_scale).build(),
             trajectory: scenario.trajectory,
             law,
-            predictor: Predictor::new(settings.prediction),
+            predictor,
         }
     }
 }
@@ -213,6 +231,14 @@ impl<const N: usize> Respond for ArmController<N> {
             memory: padded(answer.memory.as_slice()),
         };
         Ok((torque, error))
+    }
+
+    fn remembered(&self) -> (Option<Memory>, Predictor) {
+        let memory = match &self.law {
+            Law::Mtj { memory, .. } => Some(*memory),
+            Law::Tj(_) | Law::Mb(_) => None,
+        };
+        (memory, self.predictor)
     }
 }
 

@@ -32,6 +32,17 @@ impl Memory {
         }
     }
 
+    /// The same memory under other settings: what was remembered stays.
+    pub fn adopt(self, settings: &MemorySettings) -> Self {
+        let adopted = Self { policy: settings.policy, ..self };
+        let step_ns = settings.step.as_nanos() as u64;
+        if step_ns == self.step_ns {
+            adopted
+        } else {
+            Self { step_ns, latched_in_step: None, ..adopted }
+        }
+    }
+
     /// The remembered task force at a sample, N; `None` at the first one.
     pub fn recall(&self, state: &StateSample) -> Option<SVector<f64, PLANE>> {
         let from_plant = |force: &[f64]| SVector::from_fn(|i, _| force[i]);

@@ -28,6 +28,11 @@ impl Predictor {
         Self { horizon, previous: None }
     }
 
+    /// The same predictor with another horizon.
+    pub fn adopt(self, horizon: Option<Horizon>) -> Self {
+        Self { horizon, ..self }
+    }
+
     /// The tip's acceleration a = (v_k − v_{k−1})/(t_k − t_{k−1}), m/s²; zero at the first sample.
     pub fn acceleration(&self, now: &Tip) -> SVector<f64, PLANE> {
         match self.previous {

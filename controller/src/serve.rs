@@ -8,7 +8,7 @@ use std::{
 use mtj_model::scenario::{Scenario, Wait};
 use mtj_protocol::{
     bus::{Bus, BusError},
-    port::{self, ControllerPort, Heard, Offered},
+    port::{self, ControllerPort, Heard},
     sample::TorqueSample,
 };
 
@@ -60,9 +60,10 @@ pub fn serve(
     wait: Option<Wait>,
     proceed: &dyn Fn() -> bool,
 ) -> Result<(), ServeError> {
-    while let Some(Offered { run, scenario, .. }) = port::fetch_scenario(bus, proceed)? {
-        let mut port = ControllerPort::open(bus, run, wait.unwrap_or(scenario.bus.wait))?;
-        serve_run(&mut port, &scenario, proceed)?;
+    while let Some(offered) = port::fetch_scenario(bus, proceed)? {
+        let wait = wait.unwrap_or(offered.scenario.bus.wait);
+        let mut port = ControllerPort::open(bus, &offered, wait)?;
+        serve_run(bus, &mut port, &offered.scenario, proceed)?;
         thread::sleep(PAUSE);
     }
     Ok(())
@@ -70,6 +71,7 @@ pub fn serve(
 
 /// Answers the states of one run; returns when another run's appear.
 fn serve_run(
+    bus: &impl Bus,
     port: &mut ControllerPort,
     scenario: &Scenario,
     proceed: &dyn Fn() -> bool,
@@ -82,6 +84,9 @@ fn serve_run(
             Some(Heard::Again(state)) => port.send(&controller.answer_again(&state))?,
             Some(Heard::State(state)) => {
                 let received = Instant::now();
+                if let Some(changed) = port.newer_scenario(bus, &state)? {
+                    controller.adopt(&changed.scenario);
+                }
                 let torque = controller.respond(&state)?;
                 let residence_ns = received.elapsed().as_nanos() as u64;
                 port.send(&TorqueSample { residence_ns, ..torque })?;

@@ -185,3 +185,35 @@ fn mb_aims_with_the_desired_acceleration_of_the_instant_it_aims_at() {
     let [_, _, wanted] = desired(0.73);
     assert_nearly(&found, mix(1.0, mix(8.0, e, 4.0, rate), 1.0, wanted), "the tip's acceleration");
 }
+
+#[test]
+fn a_change_of_scenario_keeps_what_is_remembered() {
+    for sets in [
+        &["law.memory.policy=sent"][..],
+        &["law.memory.policy=sent", "law.memory.step=40ms"],
+        &["law.memory.policy=delivered", "law.prediction.horizon=5ms"],
+        &["law.kind=tj", "law.prediction.horizon=measured"],
+    ] {
+        let scenario = by_hand::scenario("sampled/mtj", &[&TRUSTING[..], sets].concat());
+        let [mut steady, mut changing] = [0; 2].map(|_| mtj_controller::Controller::new(&scenario));
+        for k in 0..20 {
+            let state = echoing(10 * k);
+            if k % 3 == 2 {
+                changing.adopt(&scenario);
+            }
+            assert_eq!(changing.respond(&state), steady.respond(&state), "{sets:?}, sample {k}");
+        }
+    }
+}
+
+#[test]
+fn a_law_without_memory_leaves_none_to_the_next() {
+    let mut controller = trusting(&["law.kind=tj"]);
+    let mtj = by_hand::scenario("sampled/mtj", &TRUSTING);
+    controller.respond(&echoing(0)).unwrap();
+    controller.adopt(&mtj);
+    controller.respond(&echoing(10)).unwrap();
+    assert_eq!(controller.error().memory, [0.0; 6], "k = 0 at the first sample of a memory");
+    controller.respond(&echoing(20)).unwrap();
+    assert!(controller.error().memory != [0.0; 6]);
+}

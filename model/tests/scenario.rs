@@ -266,3 +266,32 @@ fn only_mb_is_refused_on_a_redundant_arm() {
         assert_eq!(found.is_ok(), accepted, "{law:?}");
     }
 }
+
+#[test]
+fn a_running_loop_takes_on_what_is_not_the_run_itself() {
+    let before = overridden("sampled/mtj", &[]).unwrap();
+    let change = |sets: &[&str]| {
+        let sets: Vec<Override> = sets.iter().map(|set| set.parse().unwrap()).collect();
+        before.changed(&sets)
+    };
+    let changed = change(&["law.kp=31", "link.torque.latency=1ms"]).unwrap();
+    assert_eq!(changed.law.kp, Gains::Diagonal([31.0, 31.0].into()));
+    assert_eq!(changed.link.torque.latency, Duration::from_millis(1));
+    assert_eq!((&changed.arm, changed.timing), (&before.arm, before.timing));
+    let again = changed.text();
+    assert!(again.contains("31") && again.contains("1ms"), "changes add up: {again}");
+    for set in ["arm.links[0].mass=3.0", "timing.clock=lockstep", "duration=1s", "lawless=1"] {
+        let sentence = change(&["law.kp=31", set]).unwrap_err().to_string();
+        let key = set.split('=').next().unwrap();
+        assert!(sentence.contains(key) && sentence.contains("a running loop"), "{sentence}");
+    }
+    let sentence = change(&["law.kp=-1"]).unwrap_err().to_string();
+    assert!(sentence.contains("law.kp = -1"), "validated like any scenario: {sentence}");
+}
+
+#[test]
+fn prediction_can_be_switched_off_by_its_name() {
+    let horizon = |set: &str| overridden("sampled/mtj", &[set]).unwrap().law.prediction;
+    assert_eq!(horizon("law.prediction.horizon=measured"), Some(Horizon::Measured));
+    assert_eq!(horizon("law.prediction.horizon=none"), None);
+}

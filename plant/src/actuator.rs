@@ -17,9 +17,8 @@ pub struct Actuator {
     /// ∫ Q̂ dt up to `integrated_ns`, N s.
     impulse: Axes,
     integrated_ns: u64,
-    /// The impulse at the last sampling instants, as many as a memory step has samples and one more.
+    /// The impulse at the last sampling instants, back to the one at which a memory step began.
     history: VecDeque<(u64, Axes)>,
-    memory_samples: usize,
     newest: Option<u64>,
     latency_ns: u64,
     commands: u64,
@@ -28,25 +27,26 @@ pub struct Actuator {
 impl Actuator {
     /// At rest: no torque, no task force.
     pub fn new(scenario: &Scenario) -> Self {
-        let step = scenario.law.memory.step.as_nanos();
-        let memory_samples = (step / scenario.timing.sample_period.as_nanos()).max(1) as usize;
-        let mut limit = [f64::INFINITY; _];
-        for (limit, joint) in limit.iter_mut().zip(&scenario.safety.torque_limit) {
-            *limit = *joint;
-        }
         Self {
-            limit,
+            limit: limits(scenario),
             on_timeout: scenario.safety.on_timeout,
             drive: Drive::Torque([0.0; _]),
             force: [0.0; _],
             impulse: [0.0; _],
             integrated_ns: 0,
-            history: VecDeque::with_capacity(memory_samples + 2),
-            memory_samples,
+            history: VecDeque::with_capacity(memory_samples(scenario)),
             newest: None,
             latency_ns: 0,
             commands: 0,
         }
+    }
+
+    /// Takes on limits, reaction to a timeout and memory step of a scenario that was changed.
+    pub fn adopt(&mut self, scenario: &Scenario) {
+        self.limit = limits(scenario);
+        self.on_timeout = scenario.safety.on_timeout;
+        // Here, between two samples, rather than in the loop.
+        self.history.reserve(memory_samples(scenario));
     }
 
     /// Puts a command into effect at `time_ns`, unless a newer one is in effect already.
@@ -99,20 +99,23 @@ impl Actuator {
     }
 
     /// The mean task force over the memory step that ends at `time_ns`, a sampling instant, N; what
-    /// was before the run counts as zero.
+    /// was before the run counts as zero. Just after a sample period was changed a step may begin between
+    /// two sampling instants; the task force is then taken as even between them.
     pub fn delivered(&mut self, time_ns: u64, step_ns: u64) -> Axes {
         self.integrate(time_ns);
-        let start = time_ns.checked_sub(step_ns);
-        while self.history.len() > self.memory_samples
-            || self.history.front().is_some_and(|(at, _)| start.is_some_and(|start| *at < start))
-        {
+        self.history.push_back((time_ns, self.impulse));
+        let start = time_ns.saturating_sub(step_ns);
+        while self.history.get(1).is_some_and(|(at, _)| *at <= start) {
             self.history.pop_front();
         }
-        let before = match self.history.front() {
-            Some((at, impulse)) if Some(*at) == start => *impulse,
+        let before = match (self.history.front(), self.history.get(1)) {
+            (Some((at, impulse)), _) if *at == start => *impulse,
+            (Some((from, first)), Some((to, second))) if *from < start => {
+                let part = (start - from) as f64 / (to - from) as f64;
+                std::array::from_fn(|i| first[i] + (second[i] - first[i]) * part)
+            }
             _ => [0.0; _],
         };
-        self.history.push_back((time_ns, self.impulse));
         let seconds = step_ns as f64 * 1e-9;
         std::array::from_fn(|i| (self.impulse[i] - before[i]) / seconds)
     }
@@ -134,4 +137,18 @@ impl Actuator {
         }
         self.integrated_ns = time_ns;
     }
+}
+
+fn limits(scenario: &Scenario) -> Joints {
+    let mut limit = [f64::INFINITY; _];
+    for (limit, joint) in limit.iter_mut().zip(&scenario.safety.torque_limit) {
+        *limit = *joint;
+    }
+    limit
+}
+
+/// How many sampling instants a memory step spans, with those at both ends and a new one.
+fn memory_samples(scenario: &Scenario) -> usize {
+    let step = scenario.law.memory.step.as_nanos();
+    (step / scenario.timing.sample_period.as_nanos()) as usize + 3
 }

@@ -11,6 +11,8 @@ pub enum Event {
     Arrive(TorqueSample),
     /// No fresh command has come since the one with this count.
     Timeout(u64),
+    /// The kick with this number ends.
+    Calm(u64),
     /// A state leaves the state link and goes to the controller.
     Deliver(StateSample),
     /// The state is measured.
@@ -24,8 +26,9 @@ impl Event {
         match self {
             Self::Arrive(_) => 0,
             Self::Timeout(_) => 1,
-            Self::Deliver(_) => 2,
-            Self::Sample => 3,
+            Self::Calm(_) => 2,
+            Self::Deliver(_) => 3,
+            Self::Sample => 4,
         }
     }
 

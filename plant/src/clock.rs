@@ -25,6 +25,11 @@ impl Clock {
         Self { origin: Instant::now() }
     }
 
+    /// Puts the clock back by how long it stood still.
+    pub fn stood_still(&mut self, duration: Duration) {
+        self.origin += duration;
+    }
+
     /// ns since the run began.
     pub fn now_ns(&self) -> u64 {
         self.origin.elapsed().as_nanos() as u64

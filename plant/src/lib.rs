@@ -10,6 +10,8 @@ pub mod actuator;
 pub mod agenda;
 pub mod clock;
 pub mod direct;
+mod knobs;
+pub mod ledger;
 pub mod link;
 pub mod options;
 pub mod plant;

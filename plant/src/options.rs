@@ -173,7 +173,7 @@ impl From<io::Error> for PlantError {
 impl PlantOptions {
     /// Runs the scenario once with whatever controller joins, and prints the measures.
     pub fn run(&self) -> Result<(), PlantError> {
-        let scenario = self.scenario.load()?;
+        let mut scenario = self.scenario.load()?;
         let trace = self.output.create_trace()?;
         let shutdown = Shutdown::on_signals();
         if self.until_stdin_closes {
@@ -181,11 +181,17 @@ impl PlantOptions {
         }
         let proceed = move || shutdown.proceed();
         let Some(bus) = AnyBus::open(&scenario.bus, Role::Plant, &proceed)? else { return Ok(()) };
-        let run = fresh_run_id();
+        let mut run = fresh_run_id();
         let mut port = PlantPort::open(&bus, &scenario, run)?;
         let watch = Watch { trace: trace.is_some(), round_trips: true };
-        let outcome = plant::run(&scenario, run, &mut port, watch, &proceed)?;
-        Ok(self.output.finish(&scenario, &outcome, trace)?)
+        loop {
+            let outcome = plant::run(&scenario, run, &mut port, watch, &proceed)?;
+            let Some(reset) = outcome.reset else {
+                return Ok(self.output.finish(&scenario, &outcome, trace)?);
+            };
+            (scenario, run) = (reset, fresh_run_id());
+            port.restart(&scenario, run)?;
+        }
     }
 }
 

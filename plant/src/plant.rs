@@ -1,9 +1,6 @@
 //! The loop of the plant: one queue of events, and a clock that says what waiting means.
 
-use std::{
-    collections::VecDeque,
-    time::{Duration, Instant},
-};
+use std::time::{Duration, Instant};
 
 use mtj_model::{
     MAX_AXES, PLANE,
@@ -19,8 +16,10 @@ use crate::{
     actuator::Actuator,
     agenda::{Agenda, Event},
     clock::{self, Clock},
+    knobs::Knobs,
+    ledger::Ledger,
     link::{Direction, Link},
-    report::{Commands, Measures, Report},
+    report::{Measures, Report},
     sensor::Sensor,
     simulator::{Simulator, simulator},
     trace::Row,
@@ -34,8 +33,6 @@ const REPEAT: Duration = Duration::from_millis(200);
 const PATIENCE: Duration = Duration::from_millis(100);
 /// How often monitors are told the truth, in the run's time, ns.
 const STATUS_PERIOD_NS: u64 = 20_000_000;
-/// How many unanswered states are remembered; older ones count as lost.
-const OUTSTANDING: usize = 4096;
 
 /// A run's outcome.
 pub struct Outcome {
@@ -45,6 +42,8 @@ pub struct Outcome {
     pub trace: Vec<Row>,
     /// Whether the run was stopped before its end.
     pub interrupted: bool,
+    /// The scenario of the run that was asked for instead of this one's end.
+    pub reset: Option<Scenario>,
 }
 
 /// How a run is watched.
@@ -70,34 +69,30 @@ pub fn run(
     Ok(plant.outcome())
 }
 
-struct Plant<'a> {
-    scenario: &'a Scenario,
-    exchange: &'a mut dyn Exchange,
+pub(crate) struct Plant<'a> {
+    /// As it is by now: knobs change it.
+    pub(crate) scenario: Scenario,
+    pub(crate) exchange: &'a mut dyn Exchange,
     watch: Watch,
-    proceed: &'a dyn Fn() -> bool,
-    header: Header,
-    simulator: Box<dyn Simulator>,
-    agenda: Agenda,
-    sensor: Sensor,
-    state_link: Link,
-    torque_link: Link,
-    actuator: Actuator,
-    stopwatch: Clock,
-    clock: Clock,
+    pub(crate) proceed: &'a dyn Fn() -> bool,
+    /// Of the newest sample.
+    pub(crate) header: Header,
+    pub(crate) simulator: Box<dyn Simulator>,
+    pub(crate) agenda: Agenda,
+    pub(crate) sensor: Sensor,
+    pub(crate) state_link: Link,
+    pub(crate) torque_link: Link,
+    pub(crate) actuator: Actuator,
+    pub(crate) clock: Clock,
+    pub(crate) knobs: Knobs,
     /// Sequence number of the newest state that was handed to the controller.
     delivered: Option<u64>,
-    /// States waiting for an answer in real time: sequence number and when they were sent.
-    unanswered: VecDeque<(u64, u64)>,
-    commands: Commands,
-    deadline_misses: u64,
-    timeouts: u64,
-    round_trip_ns: u64,
-    residence_ns: u64,
-    next_status_ns: u64,
+    ledger: Ledger,
+    pub(crate) next_status_ns: u64,
     measures: Measures,
     trace: Vec<Row>,
     diverged: bool,
-    stopped: bool,
+    pub(crate) stopped: bool,
 }
 
 impl<'a> Plant<'a> {
@@ -118,7 +113,7 @@ impl<'a> Plant<'a> {
         let samples =
             scenario.duration.as_nanos().div_ceil(scenario.timing.sample_period.as_nanos());
         Ok(Self {
-            scenario,
+            scenario: scenario.clone(),
             exchange,
             watch,
             proceed,
@@ -129,15 +124,10 @@ impl<'a> Plant<'a> {
             state_link: Link::new(&scenario.link.state, Direction::State, scenario.seed)?,
             torque_link: Link::new(&scenario.link.torque, Direction::Torque, scenario.seed)?,
             actuator: Actuator::new(scenario),
-            stopwatch: Clock::start(),
             clock: Clock::start(),
+            knobs: Knobs::default(),
             delivered: None,
-            unanswered: VecDeque::with_capacity(OUTSTANDING + 1),
-            commands: Commands::default(),
-            deadline_misses: 0,
-            timeouts: 0,
-            round_trip_ns: 0,
-            residence_ns: 0,
+            ledger: Ledger::new(),
             next_status_ns: 0,
             measures: Measures::new(scenario),
             trace: Vec::with_capacity(if watch.trace { samples as usize } else { 0 }),
@@ -146,7 +136,7 @@ impl<'a> Plant<'a> {
         })
     }
 
-    fn is_realtime(&self) -> bool {
+    pub(crate) fn is_realtime(&self) -> bool {
         self.scenario.timing.clock == ClockKind::Realtime
     }
 
@@ -157,7 +147,7 @@ impl<'a> Plant<'a> {
             clock::wake_punctually();
         }
         self.meet_controller()?;
-        while !self.stopped && !self.diverged {
+        while !self.stopped && !self.diverged && !self.knobs.is_reset {
             let next = self.agenda.next_time().filter(|time| *time < end_ns).unwrap_or(end_ns);
             if self.is_realtime() && self.listen_until(next)? {
                 continue; // Something came that may be due earlier.
@@ -173,11 +163,11 @@ impl<'a> Plant<'a> {
                 self.handle(time_ns, event)?;
             }
         }
-        self.settle();
+        self.ledger.settle(self.scenario.timing.sample_period);
         self.report_status(2)
     }
 
-    fn advance(&mut self, time_ns: u64) {
+    pub(crate) fn advance(&mut self, time_ns: u64) {
         self.simulator.advance(time_ns, self.actuator.drive());
         self.diverged = self.simulator.has_diverged();
     }
@@ -185,8 +175,15 @@ impl<'a> Plant<'a> {
     fn handle(&mut self, time_ns: u64, event: Event) -> Result<(), BusError> {
         match event {
             Event::Sample => {
+                let is_due = time_ns >= self.next_status_ns;
+                if is_due {
+                    self.attend(time_ns)?;
+                    if self.knobs.is_paused {
+                        self.stand_still(time_ns)?;
+                    }
+                }
                 self.take_sample(time_ns);
-                if time_ns >= self.next_status_ns {
+                if is_due {
                     self.next_status_ns = time_ns + STATUS_PERIOD_NS;
                     self.report_status(1)?;
                 }
@@ -195,10 +192,11 @@ impl<'a> Plant<'a> {
             Event::Arrive(command) => self.apply(time_ns, &command),
             Event::Timeout(commands) => {
                 if commands == self.actuator.commands() {
-                    self.timeouts += 1;
+                    self.ledger.timeouts += 1;
                     self.actuator.time_out(time_ns);
                 }
             }
+            Event::Calm(kick) => self.calm(kick),
         }
         Ok(())
     }
@@ -215,7 +213,7 @@ impl<'a> Plant<'a> {
         // The two must meet, so the first state is not lost; it may be late.
         let there = self.state_link.transit().unwrap_or(self.scenario.link.state.latency);
         self.delivered = Some(0);
-        self.commands.sent += 1;
+        self.ledger.commands.sent += 1;
         let started = Instant::now();
         let mut complained = false;
         let answer = loop {
@@ -227,6 +225,10 @@ impl<'a> Plant<'a> {
                 return Ok(());
             }
             self.report_status(0)?;
+            self.attend(0)?;
+            if self.knobs.is_reset {
+                return Ok(());
+            }
             if !complained && started.elapsed() > Duration::from_secs(2) {
                 complained = true;
                 eprintln!(
@@ -247,7 +249,7 @@ impl<'a> Plant<'a> {
     fn take_sample(&mut self, time_ns: u64) {
         let period = nanoseconds(self.scenario.timing.sample_period);
         if self.is_realtime() && self.clock.now_ns() > time_ns + period {
-            self.deadline_misses += 1;
+            self.ledger.deadline_misses += 1;
         }
         self.header.sequence += 1;
         let state = self.measure(time_ns);
@@ -280,8 +282,8 @@ impl<'a> Plant<'a> {
             header: self.header,
             sent_ns: 0,
             latency_ns: self.actuator.latency_ns(),
-            round_trip_ns: self.round_trip_ns,
-            residence_ns: self.residence_ns,
+            round_trip_ns: self.ledger.round_trip_ns,
+            residence_ns: self.ledger.residence_ns,
             position,
             velocity,
             applied: self.actuator.applied(),
@@ -296,10 +298,10 @@ impl<'a> Plant<'a> {
             return Ok(());
         }
         self.delivered = Some(state.header.sequence);
-        self.commands.sent += 1;
+        self.ledger.commands.sent += 1;
         if self.is_realtime() {
-            self.remember_unanswered(state.header.sequence);
-            let sent_ns = self.stopwatch.now_ns();
+            self.ledger.ask(state.header.sequence);
+            let sent_ns = self.ledger.stopwatch.now_ns();
             return self.exchange.send(&StateSample { sent_ns, ..state });
         }
         loop {
@@ -323,7 +325,7 @@ impl<'a> Plant<'a> {
             self.exchange.send(state)?;
             return self.exchange.receive(self.clock.instant(0));
         }
-        self.exchange.send(&StateSample { sent_ns: self.stopwatch.now_ns(), ..*state })?;
+        self.exchange.send(&StateSample { sent_ns: self.ledger.stopwatch.now_ns(), ..*state })?;
         let until = Instant::now() + patience;
         while let Some(answer) = self.exchange.receive(until)? {
             if answer.sequence() == state.header.sequence {
@@ -354,21 +356,21 @@ impl<'a> Plant<'a> {
     }
 
     /// Puts an answer that came at `time_ns` on the torque link.
-    fn schedule(&mut self, time_ns: u64, answer: TorqueSample) {
+    pub(crate) fn schedule(&mut self, time_ns: u64, answer: TorqueSample) {
         if let Some(transit) = self.torque_link.transit() {
             self.agenda.push(time_ns + nanoseconds(transit), Event::Arrive(answer));
         } else {
-            self.commands.lost += 1;
+            self.ledger.commands.lost += 1;
         }
     }
 
     /// Puts a command into effect, unless a newer one has overtaken it.
     fn apply(&mut self, time_ns: u64, command: &TorqueSample) {
         if !self.actuator.apply(command, time_ns) {
-            self.commands.lost += 1;
+            self.ledger.commands.lost += 1;
             return;
         }
-        self.commands.applied += 1;
+        self.ledger.commands.applied += 1;
         self.measures.command(&self.actuator.torque(&self.simulator.velocity()));
         if let Some(timeout) = self.scenario.safety.command_timeout {
             let event = Event::Timeout(self.actuator.commands());
@@ -378,75 +380,53 @@ impl<'a> Plant<'a> {
 
     fn note_round_trip(&mut self, answer: &TorqueSample) {
         if self.watch.round_trips {
-            self.round_trip_ns = self.stopwatch.now_ns().saturating_sub(answer.state_sent_ns);
-            self.residence_ns = answer.residence_ns;
-            self.measures.round_trip.record(self.round_trip_ns);
-            self.measures.residence.record(self.residence_ns);
+            self.ledger.note_round_trip(answer);
         }
     }
 
-    /// In real time: books an answer against the states that asked for one.
-    fn note_answer(&mut self, answer: &TorqueSample) {
+    /// In real time: books an answer.
+    pub(crate) fn note_answer(&mut self, answer: &TorqueSample) {
         self.note_round_trip(answer);
-        if self.round_trip_ns > nanoseconds(self.scenario.timing.sample_period) {
-            self.commands.late += 1;
-        }
-        while let Some((sequence, _)) = self.unanswered.front().copied()
-            && sequence <= answer.header.sequence
-        {
-            self.unanswered.pop_front();
-            self.commands.lost += u64::from(sequence < answer.header.sequence);
-        }
+        self.ledger.answer(answer.header.sequence, self.scenario.timing.sample_period);
     }
 
-    fn remember_unanswered(&mut self, sequence: u64) {
-        if self.unanswered.len() == OUTSTANDING {
-            self.unanswered.pop_front();
-            self.commands.lost += 1;
-        }
-        self.unanswered.push_back((sequence, self.stopwatch.now_ns()));
-    }
-
-    /// At the end: what was asked for more than a sample period ago and has not come, will not come.
-    fn settle(&mut self) {
-        let period = nanoseconds(self.scenario.timing.sample_period);
-        let now = self.stopwatch.now_ns();
-        let lost = self.unanswered.iter().filter(|(_, sent_ns)| now > sent_ns + period).count();
-        self.commands.lost += lost as u64;
-        self.commands.rejected = self.exchange.rejected();
-    }
-
-    fn report_status(&mut self, phase: u64) -> Result<(), BusError> {
+    pub(crate) fn report_status(&mut self, phase: u64) -> Result<(), BusError> {
         let velocity = self.simulator.velocity();
+        let Ledger { commands, deadline_misses, timeouts, .. } = &self.ledger;
         self.exchange.report(&StatusSample {
             header: self.header,
             phase,
-            sent: self.commands.sent,
-            applied: self.commands.applied,
-            lost: self.commands.lost,
-            late: self.commands.late,
+            sent: commands.sent,
+            applied: commands.applied,
+            lost: commands.lost,
+            late: commands.late,
             rejected: self.exchange.rejected(),
-            deadline_misses: self.deadline_misses,
-            timeouts: self.timeouts,
+            deadline_misses: *deadline_misses,
+            timeouts: *timeouts,
             position: self.simulator.position(),
             velocity,
             torque: self.actuator.torque(&velocity),
         })
     }
 
-    fn outcome(self) -> Outcome {
+    fn outcome(mut self) -> Outcome {
+        self.ledger.commands.rejected = self.exchange.rejected();
         let report = self.measures.report(
-            self.scenario,
+            &self.scenario,
             self.simulator.time_ns(),
             self.simulator.energy(),
             self.diverged,
-            self.commands,
-            self.is_realtime().then_some(self.deadline_misses),
+            &self.ledger,
         );
-        Outcome { report, trace: self.trace, interrupted: self.stopped }
+        Outcome {
+            report,
+            trace: self.trace,
+            interrupted: self.stopped,
+            reset: self.knobs.is_reset.then_some(self.scenario),
+        }
     }
 }
 
-fn nanoseconds(duration: Duration) -> u64 {
+pub(crate) fn nanoseconds(duration: Duration) -> u64 {
     duration.as_nanos() as u64
 }

@@ -1,9 +1,14 @@
 //! The measures of a run.
 
 use hdrhistogram::Histogram;
-use mtj_model::{MAX_JOINTS, scenario::Scenario};
+use mtj_model::{
+    MAX_JOINTS,
+    scenario::{ClockKind, Scenario},
+};
 use mtj_protocol::sample::Joints;
 use serde::{Deserialize, Serialize};
+
+use crate::ledger::Ledger;
 
 /// What `mtj run --json` prints: one object; what does not apply is null.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -122,10 +127,6 @@ pub struct Measures {
     previous: Option<Joints>,
     squared_step: f64,
     steps: u64,
-    /// Round trips of the run.
-    pub round_trip: Durations,
-    /// Residence times of the run.
-    pub residence: Durations,
 }
 
 impl Measures {
@@ -141,8 +142,6 @@ impl Measures {
             previous: None,
             squared_step: 0.0,
             steps: 0,
-            round_trip: Durations::default(),
-            residence: Durations::default(),
         }
     }
 
@@ -184,9 +183,9 @@ impl Measures {
         time_ns: u64,
         energy: f64,
         diverged: bool,
-        commands: Commands,
-        deadline_misses: Option<u64>,
+        ledger: &Ledger,
     ) -> Report {
+        let is_realtime = scenario.timing.clock == ClockKind::Realtime;
         let finite = |x: f64| x.is_finite().then_some(x);
         let over_half = |x: f64| (self.counted > 0).then_some(x).and_then(finite);
         let joints = scenario.arm.links.len();
@@ -205,10 +204,10 @@ impl Measures {
                 .then(|| (self.squared_step / self.steps as f64).sqrt())
                 .and_then(finite),
             diverged,
-            commands,
-            deadline_misses,
-            round_trip_us: self.round_trip.percentiles(),
-            residence_us: self.residence.percentiles(),
+            commands: ledger.commands,
+            deadline_misses: is_realtime.then_some(ledger.deadline_misses),
+            round_trip_us: ledger.round_trips.percentiles(),
+            residence_us: ledger.residences.percentiles(),
         }
     }
 }

@@ -25,6 +25,11 @@ impl Sensor {
         Self { noise, random: Pcg64::new(u128::from(seed), STREAM) }
     }
 
+    /// Changes the amplitude of the noise.
+    pub fn set_noise(&mut self, noise: f64) {
+        self.noise = noise;
+    }
+
     /// Measured angles and velocities.
     pub fn measure(&mut self, position: Joints, velocity: Joints) -> (Joints, Joints) {
         if self.noise == 0.0 {

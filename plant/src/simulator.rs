@@ -39,6 +39,8 @@ impl Drive {
 pub trait Simulator {
     /// Integrates to `time_ns` under `drive`, in equal steps no longer than the integration step.
     fn advance(&mut self, time_ns: u64, drive: &Drive);
+    /// From now on this torque acts beside the drive, N m; it is no part of the energy.
+    fn disturb(&mut self, torque: Joints);
     /// Simulated time, ns since the run began.
     fn time_ns(&self) -> u64;
     /// True joint angles, rad.
@@ -74,6 +76,7 @@ struct State<const N: usize> {
 struct RungeKutta<const N: usize> {
     arm: PlanarArm<f64, N>,
     state: State<N>,
+    disturbance: SVector<f64, N>,
     time_ns: u64,
     step_ns: u64,
 }
@@ -85,15 +88,16 @@ impl<const N: usize> RungeKutta<N> {
             velocity: SVector::from_fn(|i, _| arm.velocity[i]),
             energy: 0.0,
         };
-        Self { arm: arm.build(), state, time_ns: 0, step_ns }
+        Self { arm: arm.build(), state, disturbance: SVector::zeros(), time_ns: 0, step_ns }
     }
 
     /// The state's rate of change.
     fn rate(&self, state: &State<N>, drive: &Drive) -> State<N> {
         let torque = SVector::from_fn(|i, _| drive.torque(i, state.velocity[i]));
+        let all = torque + self.disturbance;
         State {
             position: state.velocity,
-            velocity: self.arm.acceleration(&state.position, &state.velocity, &torque),
+            velocity: self.arm.acceleration(&state.position, &state.velocity, &all),
             energy: torque.component_mul(&state.velocity).abs().sum(),
         }
     }
@@ -131,6 +135,10 @@ impl<const N: usize> Simulator for RungeKutta<N> {
             self.step(h, drive);
         }
         self.time_ns = time_ns;
+    }
+
+    fn disturb(&mut self, torque: Joints) {
+        self.disturbance = SVector::from_fn(|i, _| torque[i]);
     }
 
     fn time_ns(&self) -> u64 {

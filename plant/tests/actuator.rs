@@ -92,3 +92,22 @@ fn after_a_timeout_no_task_force_counts_as_delivered() {
     let delivered = actuator.delivered(10 * MS, 10 * MS);
     assert!((delivered[0] - 4.0).abs() < 1e-12 && (delivered[1] - 8.0).abs() < 1e-12);
 }
+
+#[test]
+fn delivered_stays_right_when_the_sample_period_changes() {
+    // A force of 6 N from the start; samples every 10 ms, then every 4 ms, then every 25 ms.
+    let mut actuator = actuator(&["law.memory.policy=delivered"]);
+    actuator.apply(&command(0, [0.0; 2], [6.0, -3.0]), 0);
+    let instants = [0, 10, 20, 24, 28, 32, 57, 82, 107];
+    let mut before = 0;
+    for now in instants {
+        let step = if now == 0 { 10 } else { now - before };
+        let delivered = actuator.delivered(now * MS, step * MS);
+        let expected = if now == 0 { 0.0 } else { 6.0 };
+        assert!((delivered[0] - expected).abs() < 1e-9, "{now} ms: {delivered:?}");
+        before = now;
+    }
+    // A step of 15 ms begins between the instants 82 and 107 ms.
+    let delivered = actuator.delivered(112 * MS, 15 * MS);
+    assert!((delivered[1] + 3.0).abs() < 1e-9, "{delivered:?}");
+}

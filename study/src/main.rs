@@ -7,7 +7,13 @@ use mtj_controller::options::ControllerOptions;
 use mtj_monitor::options::MonitorOptions;
 use mtj_plant::options::PlantOptions;
 use mtj_study::command::{
-    Failure, paper::Paper, run::Run, scenario::ScenarioCommand, study::StudyCommand, tune::Tune,
+    Failure,
+    knob::{Kick, Pause, Reset, Resume, Set},
+    paper::Paper,
+    run::Run,
+    scenario::ScenarioCommand,
+    study::StudyCommand,
+    tune::Tune,
     up::Up,
 };
 
@@ -30,6 +36,11 @@ enum Command {
     Scenario(ScenarioCommand),
     Study(StudyCommand),
     Tune(Tune),
+    Set(Set),
+    Pause(Pause),
+    Resume(Resume),
+    Reset(Reset),
+    Kick(Kick),
 }
 
 fn main() -> ExitCode {
@@ -59,5 +70,10 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Scenario(scenario) => scenario.run(),
         Command::Study(study) => study.run(),
         Command::Tune(tune) => tune.run(),
+        Command::Set(set) => set.run(),
+        Command::Pause(pause) => pause.run(),
+        Command::Resume(resume) => resume.run(),
+        Command::Reset(reset) => reset.run(),
+        Command::Kick(kick) => kick.run(),
     }
 }

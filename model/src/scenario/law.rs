@@ -115,7 +115,10 @@ impl LawSettings {
                 .unwrap_or(false),
             factor: FactorSettings::read(law.optional_section("factor")?)?,
             memory: MemorySettings::read(law.optional_section("memory")?, sample_period)?,
-            prediction: law.optional_section("prediction")?.map(Horizon::read).transpose()?,
+            prediction: match law.optional_section("prediction")? {
+                None => None,
+                Some(prediction) => Horizon::read(prediction)?,
+            },
             mass_scale: match law.optional_section("model")? {
                 None => 1.0,
                 Some(model) => {
@@ -213,11 +216,12 @@ impl MemorySettings {
 }
 
 impl Horizon {
-    fn read(section: Section<'_>) -> Result<Self, ScenarioError> {
-        let expected = format!("\"measured\" or {}", super::duration::FORM);
+    fn read(section: Section<'_>) -> Result<Option<Self>, ScenarioError> {
+        let expected = format!("\"none\", \"measured\" or {}", super::duration::FORM);
         let horizon = section.required("horizon", &expected, |value| match value.as_str()? {
-            "measured" => Some(Self::Measured),
-            text => super::duration::parse(text).map(Self::Fixed),
+            "none" => Some(None),
+            "measured" => Some(Some(Self::Measured)),
+            text => super::duration::parse(text).map(Self::Fixed).map(Some),
         })?;
         section.finish()?;
         Ok(horizon)

@@ -9,6 +9,7 @@ mod bus;
 pub mod duration;
 mod law;
 mod link;
+mod live;
 mod safety;
 pub mod section;
 mod timing;

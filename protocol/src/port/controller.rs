@@ -5,7 +5,8 @@ use std::time::Instant;
 use mtj_model::scenario::Wait;
 
 use super::{
-    Complaints,
+    Complaints, Offered,
+    offer::Follower,
     presence::{Presence, RoleName},
 };
 use crate::{
@@ -31,6 +32,7 @@ pub struct ControllerPort {
     errors: Box<dyn Writer<ErrorSample>>,
     presence: Presence,
     newest: Option<Header>,
+    scenario: Follower,
     wait: Wait,
     gate: Gate,
     complaints: Complaints,
@@ -38,7 +40,7 @@ pub struct ControllerPort {
 
 impl ControllerPort {
     /// Joins a bus for one run of the plant.
-    pub fn open(bus: &impl Bus, run: u64, wait: Wait) -> Result<Self, BusError> {
+    pub fn open(bus: &impl Bus, offered: &Offered, wait: Wait) -> Result<Self, BusError> {
         Ok(Self {
             states: bus.reader(Depth::Latest, wait)?,
             torques: bus.writer()?,
@@ -46,7 +48,8 @@ impl ControllerPort {
             presence: Presence::open(bus, RoleName::Controller)?,
             newest: None,
             wait,
-            gate: Gate::new(run),
+            gate: Gate::new(offered.run),
+            scenario: Follower::knowing(offered),
             complaints: Complaints::default(),
         })
     }
@@ -69,6 +72,16 @@ impl ControllerPort {
             self.presence.tell(&header)?;
         }
         Ok(None)
+    }
+
+    /// The scenario, if it was changed before `state` was measured and we have not got it yet. If it
+    /// cannot be had now, it will be asked for again a little later.
+    pub fn newer_scenario(
+        &mut self,
+        bus: &impl Bus,
+        state: &StateSample,
+    ) -> Result<Option<Offered>, BusError> {
+        self.scenario.follow(bus, &state.header)
     }
 
     /// Answers a state.

@@ -1,24 +1,18 @@
 //! A monitor's end of the bus.
 
-use std::{
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use std::sync::Arc;
 
 use mtj_model::scenario::Wait;
 
-use super::{Complaints, Offered, offer};
+use super::{Complaints, Offered, offer::Follower};
 use crate::{
     bus::{self, Bus, BusError, Depth, Reader},
     gate,
     sample::{
-        ChangeSample, ErrorSample, Header, PresenceSample, RequestSample, Sample, StateSample,
+        ChangeSample, ErrorSample, PresenceSample, RequestSample, Sample, StateSample,
         StatusSample, TorqueSample,
     },
 };
-
-/// How long to wait before asking for a scenario again that was not there.
-const PATIENCE: Duration = Duration::from_millis(100);
 
 /// Anything that is said in a session.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,7 +72,9 @@ impl MonitorPort {
         let Self { scenario, complaints, refused, .. } = self;
         let mut judge = Judge { complaints, refused };
         judge.drain(&mut *self.states, &mut |sample| {
-            scenario.follow(bus, &sample.header, hear)?;
+            if let Some(offered) = scenario.follow(bus, &sample.header)? {
+                hear(Message::Scenario(Arc::new(offered)));
+            }
             hear(Message::State(sample));
             Ok(())
         })?;
@@ -91,7 +87,9 @@ impl MonitorPort {
             Ok(())
         })?;
         judge.drain(&mut *self.statuses, &mut |sample| {
-            scenario.follow(bus, &sample.header, hear)?;
+            if let Some(offered) = scenario.follow(bus, &sample.header)? {
+                hear(Message::Scenario(Arc::new(offered)));
+            }
             hear(Message::Status(sample));
             Ok(())
         })?;
@@ -119,41 +117,6 @@ impl MonitorPort {
             + self.requests.malformed()
             + self.changes.malformed()
             + self.presences.malformed()
-    }
-}
-
-/// Fetches the scenario whenever the plant's samples tell of another one.
-#[derive(Default)]
-struct Follower {
-    known: Option<(u64, u32)>,
-    asked: Option<Instant>,
-}
-
-impl Follower {
-    fn follow(
-        &mut self,
-        bus: &impl Bus,
-        header: &Header,
-        hear: &mut dyn FnMut(Message),
-    ) -> Result<(), BusError> {
-        let is_known = self
-            .known
-            .is_some_and(|(run, revision)| header.run == run && header.revision <= revision);
-        if is_known || self.asked.is_some_and(|asked| asked.elapsed() < PATIENCE) {
-            return Ok(());
-        }
-        match offer::fetch(bus)? {
-            Some(Ok(offered))
-                if offered.run == header.run && offered.revision >= header.revision =>
-            {
-                self.known = Some((offered.run, offered.revision));
-                self.asked = None;
-                hear(Message::Scenario(Arc::new(offered)));
-            }
-            // Another run's, which a straggler is about, or none that can be used.
-            _ => self.asked = Some(Instant::now()),
-        }
-        Ok(())
     }
 }
 

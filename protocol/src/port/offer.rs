@@ -8,7 +8,7 @@ use crate::{
     bus::{Bus, BusError},
     codec,
     gate::Fault,
-    sample::VERSION,
+    sample::{Header, VERSION},
 };
 
 /// A scenario with the run it belongs to.
@@ -20,6 +20,46 @@ pub struct Offered {
     pub revision: u32,
     /// As it is by now.
     pub scenario: Scenario,
+}
+
+/// How long to wait before asking for a scenario again that was not there.
+const PATIENCE: Duration = Duration::from_millis(100);
+
+/// Fetches the scenario whenever the plant's samples tell of another one.
+#[derive(Default)]
+pub(super) struct Follower {
+    known: Option<(u64, u32)>,
+    asked: Option<Instant>,
+}
+
+impl Follower {
+    /// One that has a scenario already.
+    pub fn knowing(offered: &Offered) -> Self {
+        Self { known: Some((offered.run, offered.revision)), asked: None }
+    }
+
+    /// The scenario that a sample of the plant's is about, if it is not known yet.
+    pub fn follow(&mut self, bus: &impl Bus, header: &Header) -> Result<Option<Offered>, BusError> {
+        let is_known = self
+            .known
+            .is_some_and(|(run, revision)| header.run == run && header.revision <= revision);
+        if is_known || self.asked.is_some_and(|asked| asked.elapsed() < PATIENCE) {
+            return Ok(None);
+        }
+        match fetch(bus)? {
+            Some(Ok(offered))
+                if offered.run == header.run && offered.revision >= header.revision =>
+            {
+                *self = Self::knowing(&offered);
+                Ok(Some(offered))
+            }
+            // Another run's, which a straggler is about, or none that can be used.
+            _ => {
+                self.asked = Some(Instant::now());
+                Ok(None)
+            }
+        }
+    }
 }
 
 /// Fetches the scenario that a plant offers, waiting for one as long as `proceed` says so; `None`
@@ -50,7 +90,7 @@ pub fn fetch_scenario(
 }
 
 /// What a plant offers now; the reason, if that cannot be used.
-pub(super) fn fetch(bus: &impl Bus) -> Result<Option<Result<Offered, String>>, BusError> {
+fn fetch(bus: &impl Bus) -> Result<Option<Result<Offered, String>>, BusError> {
     Ok(bus.fetch()?.map(|bytes| accept(&bytes)))
 }
 

@@ -1,5 +1,6 @@
 //! The subcommands of `mtj`, one file each.
 
+pub mod knob;
 pub mod paper;
 pub mod predict;
 pub mod report;

@@ -1,0 +1,31 @@
+//! What may be changed about an experiment while it runs.
+
+use super::{Override, Scenario, ScenarioError};
+
+/// Keys, and tables of keys, that a running loop can take on between two samples. The arm, its task and
+/// the clock are what a run is a run of.
+const LIVE: [&str; 5] = ["law", "link", "safety", "sensor", "timing.sample_period"];
+
+impl Scenario {
+    /// This scenario with some keys set anew, as a running loop may take it on.
+    pub fn changed(&self, sets: &[Override]) -> Result<Self, ScenarioError> {
+        let is_live = |path: &str| {
+            LIVE.iter().any(|live| {
+                path.strip_prefix(live)
+                    .is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+            })
+        };
+        if let Some(fixed) = sets.iter().find(|set| !is_live(set.path())) {
+            return Err(ScenarioError {
+                origin: "--set".to_owned(),
+                key: fixed.path().to_owned(),
+                value: Some(fixed.value.to_string()),
+                expected: format!(
+                    "a key that a running loop can change ({}); for others start the plant anew",
+                    LIVE.join(", ")
+                ),
+            });
+        }
+        Self::parse(&self.name, &self.text, sets)
+    }
+}

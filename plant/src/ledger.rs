@@ -1,0 +1,96 @@
+//! The book-keeping of a run: what was asked for, what came of it, and how long it took.
+
+use std::{collections::VecDeque, time::Duration};
+
+use mtj_protocol::sample::TorqueSample;
+
+use crate::{
+    clock::Clock,
+    report::{Commands, Durations},
+};
+
+/// How many unanswered states are remembered; older ones count as lost.
+const OUTSTANDING: usize = 4096;
+
+/// What became of the commands that were asked for.
+pub struct Ledger {
+    /// The counts so far.
+    pub commands: Commands,
+    /// Sampling instants reached only after the next was due.
+    pub deadline_misses: u64,
+    /// How often commands stayed away for longer than the command timeout.
+    pub timeouts: u64,
+    /// State sent to torque received, of the torque received last, ns.
+    pub round_trip_ns: u64,
+    /// The part of it spent inside the controller.
+    pub residence_ns: u64,
+    /// Stamps what is sent.
+    pub stopwatch: Clock,
+    /// All round trips.
+    pub round_trips: Durations,
+    /// All residence times.
+    pub residences: Durations,
+    /// States waiting for an answer in real time: sequence number and when they were sent.
+    unanswered: VecDeque<(u64, u64)>,
+}
+
+impl Ledger {
+    /// Nothing booked yet.
+    pub fn new() -> Self {
+        Self {
+            commands: Commands::default(),
+            deadline_misses: 0,
+            timeouts: 0,
+            round_trip_ns: 0,
+            residence_ns: 0,
+            stopwatch: Clock::start(),
+            round_trips: Durations::default(),
+            residences: Durations::default(),
+            unanswered: VecDeque::with_capacity(OUTSTANDING + 1),
+        }
+    }
+
+    /// Notes how long an answer took that has just come.
+    pub fn note_round_trip(&mut self, answer: &TorqueSample) {
+        self.round_trip_ns = self.stopwatch.now_ns().saturating_sub(answer.state_sent_ns);
+        self.residence_ns = answer.residence_ns;
+        self.round_trips.record(self.round_trip_ns);
+        self.residences.record(self.residence_ns);
+    }
+
+    /// In real time: a state was sent that asks for an answer.
+    pub fn ask(&mut self, sequence: u64) {
+        if self.unanswered.len() == OUTSTANDING {
+            self.unanswered.pop_front();
+            self.commands.lost += 1;
+        }
+        self.unanswered.push_back((sequence, self.stopwatch.now_ns()));
+    }
+
+    /// In real time: books an answer, whose round trip was noted, against the states that asked for one.
+    pub fn answer(&mut self, sequence: u64, sample_period: Duration) {
+        if u128::from(self.round_trip_ns) > sample_period.as_nanos() {
+            self.commands.late += 1;
+        }
+        while let Some((asked, _)) = self.unanswered.front().copied()
+            && asked <= sequence
+        {
+            self.unanswered.pop_front();
+            self.commands.lost += u64::from(asked < sequence);
+        }
+    }
+
+    /// At the end: what was asked for more than a sample period ago and has not come, will not come.
+    pub fn settle(&mut self, sample_period: Duration) {
+        let now = u128::from(self.stopwatch.now_ns());
+        let is_lost = |sent_ns: u64| now > u128::from(sent_ns) + sample_period.as_nanos();
+        let lost = self.unanswered.iter().filter(|(_, sent_ns)| is_lost(*sent_ns)).count();
+        self.commands.lost += lost as u64;
+    }
+}
+
+impl Default for Ledger {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -1,0 +1,226 @@
+//! A run that is changed while it runs, through an exchange that wishes for it.
+
+#![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
+
+use std::{convert::Infallible, time::Instant};
+
+use mtj_model::scenario::{MemoryPolicy, Override, Scenario, built_in};
+use mtj_plant::{
+    direct::Direct,
+    plant::{self, Outcome, Watch},
+};
+use mtj_protocol::{
+    bus::BusError,
+    knob::Knob,
+    port::{Answer, Exchange},
+    sample::{ChangeSample, RequestSample, StateSample, StatusSample, TorqueSample, padded},
+};
+
+const RUN: u64 = 7;
+
+/// Wishes for something as soon as so many states have been sent.
+struct Wishing<E> {
+    inner: E,
+    wishes: Vec<(u64, RequestSample)>,
+    states: Vec<StateSample>,
+    changes: Vec<ChangeSample>,
+    phases: Vec<u64>,
+    offered: Vec<(u32, Scenario)>,
+}
+
+impl<E: Exchange> Exchange for Wishing<E> {
+    fn send(&mut self, state: &StateSample) -> Result<(), BusError> {
+        self.states.push(*state);
+        self.inner.send(state)
+    }
+    fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
+        self.inner.receive(until)
+    }
+    fn report(&mut self, status: &StatusSample) -> Result<(), BusError> {
+        self.phases.push(status.phase);
+        Ok(())
+    }
+    fn rejected(&self) -> u64 {
+        self.inner.rejected()
+    }
+    fn request(&mut self) -> Result<Option<RequestSample>, BusError> {
+        let is_due =
+            self.wishes.first().is_some_and(|(after, _)| self.states.len() as u64 > *after);
+        Ok(is_due.then(|| self.wishes.remove(0).1))
+    }
+    fn announce(&mut self, change: &ChangeSample) -> Result<(), BusError> {
+        self.changes.push(*change);
+        Ok(())
+    }
+    fn renew(&mut self, scenario: &Scenario, revision: u32) -> Result<(), BusError> {
+        self.offered.push((revision, scenario.clone()));
+        Ok(())
+    }
+}
+
+struct Ran {
+    outcome: Outcome,
+    states: Vec<StateSample>,
+    changes: Vec<ChangeSample>,
+    phases: Vec<u64>,
+    offered: Vec<(u32, Scenario)>,
+}
+
+fn run(
+    sets: &[&str],
+    wishes: &[(u64, RequestSample)],
+    respond: impl Fn(&StateSample) -> TorqueSample,
+) -> Ran {
+    let fixed = ["timing.clock=lockstep", "bus.kind=local", "duration=1s"];
+    let sets: Vec<Override> = fixed.iter().chain(sets).map(|set| set.parse().unwrap()).collect();
+    let scenario = Scenario::parse("here", built_in("sampled/mtj").unwrap(), &sets).unwrap();
+    let mut exchange = Wishing {
+        inner: Direct::new(RUN, |state: &StateSample| Ok::<_, Infallible>(respond(state))),
+        wishes: wishes.to_vec(),
+        states: Vec::new(),
+        changes: Vec::new(),
+        phases: Vec::new(),
+        offered: Vec::new(),
+    };
+    let watch = Watch { trace: true, round_trips: false };
+    let outcome = plant::run(&scenario, RUN, &mut exchange, watch, &|| true).unwrap();
+    let Wishing { states, changes, phases, offered, .. } = exchange;
+    Ran { outcome, states, changes, phases, offered }
+}
+
+fn wish(number: u64, knob: Knob) -> RequestSample {
+    knob.request(RUN, number)
+}
+
+fn set(number: u64, sets: &[&str]) -> RequestSample {
+    wish(number, Knob::Set(sets.iter().map(|set| (*set).to_owned()).collect()))
+}
+
+fn limp(state: &StateSample) -> TorqueSample {
+    TorqueSample { header: state.header.answer(), ..Default::default() }
+}
+
+fn stiff(state: &StateSample) -> TorqueSample {
+    let torque: [f64; 2] =
+        std::array::from_fn(|i| 10.0 * (1.0 - state.position[i]) - 4.0 * state.velocity[i]);
+    TorqueSample { header: state.header.answer(), torque: padded(&torque), ..Default::default() }
+}
+
+#[test]
+fn a_kick_gives_the_arm_its_angular_momentum() {
+    // Nothing depends on q₁, so the momentum p₁ = ∂T/∂q̇₁ is the impulse about the first joint:
+    // p₁ = M₁₁ q̇₁ + M₁₂ q̇₂, with the two links' inertia written out.
+    let momentum = |q: &[f64; 7], v: &[f64; 7]| {
+        let (m2, l1, c1, c2, i1, i2, m1) = (3.0, 1.0, 0.5, 0.5, 0.333, 0.30, 4.0);
+        let cos = q[1].cos();
+        let m11 = i1 + m1 * c1 * c1 + i2 + m2 * (l1 * l1 + c2 * c2 + 2.0 * l1 * c2 * cos);
+        let m12 = i2 + m2 * (c2 * c2 + l1 * c2 * cos);
+        m11 * v[0] + m12 * v[1]
+    };
+    let kick = Knob::Kick { torque: vec![5.0, 0.7], milliseconds: 104.5 };
+    let ran = run(&["arm.velocity=[0.0, 0.0]"], &[(20, wish(1, kick))], limp);
+    let begin = ran.changes[0].header.time_ns as f64 * 1e-9;
+    assert!(begin > 0.1 && begin < 0.3, "{begin}");
+    for row in &ran.outcome.trace {
+        let impulse = 5.0 * (row.time - begin).clamp(0.0, 0.1045);
+        let found = momentum(&row.position, &row.velocity);
+        assert!((found - impulse).abs() < 1e-9, "t {}: {found}, {impulse}", row.time);
+    }
+    assert_eq!(ran.outcome.report.energy_j, Some(0.0), "no work of the actuator's");
+}
+
+#[test]
+fn a_pause_takes_nothing_from_the_run() {
+    let through = run(&[], &[], stiff);
+    let wishes =
+        [(20, wish(1, Knob::Pause)), (20, set(2, &["law.kp=31"])), (20, wish(3, Knob::Resume))];
+    let paused = run(&[], &wishes, stiff);
+    assert_eq!(paused.outcome.trace, through.outcome.trace, "bit for bit");
+    assert_eq!(paused.changes.len(), 3);
+    assert!(paused.changes.iter().all(|change| change.outcome() == Ok(())));
+    assert_eq!(paused.outcome.report.commands, through.outcome.report.commands);
+    let again = run(&[], &[(20, wish(1, Knob::Resume))], stiff);
+    assert_eq!(again.outcome.trace, through.outcome.trace, "nothing to resume");
+}
+
+#[test]
+fn monitors_are_told_that_a_run_stands_still() {
+    let mut wishes = vec![(20, wish(1, Knob::Pause))];
+    wishes.extend((2..20).map(|number| (20, set(number, &["law.kp=31"]))));
+    wishes.push((20, wish(20, Knob::Resume)));
+    let ran = run(&[], &wishes, stiff);
+    let mut phases = ran.phases.clone();
+    phases.dedup();
+    assert_eq!(phases, [1, 3, 1, 2]);
+}
+
+#[test]
+fn a_reset_ends_the_run_with_the_scenario_as_it_is_by_now() {
+    let wishes = [(10, set(1, &["law.memory.policy=delivered"])), (20, wish(2, Knob::Reset))];
+    let ran = run(&[], &wishes, stiff);
+    let reset = ran.outcome.reset.expect("a scenario to begin again with");
+    assert_eq!(reset.law.memory.policy, MemoryPolicy::Delivered);
+    assert!(ran.outcome.trace.len() < 30);
+    assert!(!ran.outcome.interrupted && !ran.outcome.report.diverged);
+    assert!(run(&[], &[], stiff).outcome.reset.is_none());
+}
+
+#[test]
+fn a_change_is_in_effect_from_the_sample_it_names_and_offered_before() {
+    let wishes =
+        [(30, set(1, &["link.torque.latency=4ms"])), (60, set(2, &["timing.sample_period=5ms"]))];
+    let ran = run(&[], &wishes, stiff);
+    let [first, second] = &ran.changes[..] else { panic!("two changes") };
+    for state in &ran.states {
+        let number = state.header.sequence;
+        let revision = u32::from(number >= first.header.sequence)
+            + u32::from(number >= second.header.sequence);
+        assert_eq!(state.header.revision, revision, "sample {number}");
+        // The first command that takes 4 ms answers that sample; the next state echoes it.
+        let latency = if number > first.header.sequence { 4_000_000 } else { 0 };
+        assert_eq!(state.latency_ns, latency, "sample {number}");
+    }
+    let times: Vec<_> = ran.states.iter().map(|state| state.header.time_ns / 1_000_000).collect();
+    let change = second.header.sequence as usize;
+    assert_eq!(times[change], second.header.time_ns / 1_000_000);
+    assert_eq!((times[change] - times[change - 1], times[change + 1] - times[change]), (10, 5));
+    let revisions: Vec<_> = ran.offered.iter().map(|(revision, _)| *revision).collect();
+    assert_eq!(revisions, [1, 2]);
+}
+
+#[test]
+fn what_cannot_be_is_refused_and_changes_nothing() {
+    let through = run(&[], &[], stiff);
+    let wishes = [
+        (10, set(1, &["law.kp=-1"])),
+        (11, set(2, &["arm.links[0].mass=1.0"])),
+        (12, set(3, &["link.state.jitter={kind='replay', file='/nowhere'}"])),
+        (13, RequestSample { action: 9, ..wish(4, Knob::Pause) }),
+        (14, RequestSample { duration_ns: 0, action: 4, ..wish(5, Knob::Pause) }),
+        (15, RequestSample { text: [[0xff; 32]; 12], ..set(6, &["law.kp=1"]) }),
+    ];
+    let ran = run(&[], &wishes, stiff);
+    assert_eq!(ran.outcome.trace, through.outcome.trace);
+    for (change, words) in ran.changes.iter().zip([
+        "law.kp = -1",
+        "a running loop",
+        "/nowhere",
+        "no action 9",
+        "a kick is",
+        "nothing to set",
+    ]) {
+        let reason = change.outcome().unwrap_err();
+        assert!(reason.contains(words), "{reason}");
+    }
+    assert_eq!(ran.changes.len(), wishes.len());
+    assert!(ran.states.iter().all(|state| state.header.revision == 0) && ran.offered.is_empty());
+}
+
+#[test]
+fn whoever_asks_twice_is_answered_twice_and_gets_it_once() {
+    let kick = wish(1, Knob::Kick { torque: vec![5.0], milliseconds: 50.0 });
+    let once = run(&[], &[(20, kick)], stiff);
+    let twice = run(&[], &[(20, kick), (24, kick), (30, kick)], stiff);
+    assert_eq!(twice.outcome.trace, once.outcome.trace);
+    assert_eq!(twice.changes, vec![once.changes[0]; 3]);
+}

@@ -1,0 +1,41 @@
+//! What every bus must do, written once and run over each of them.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a helper that cannot go on fails its test"
+)]
+
+mod knobs;
+mod ports;
+mod rig;
+mod transport;
+
+macro_rules! for_every_bus {
+    ($($layer:ident::$property:ident;)*) => {
+        mod local { $(#[test] fn $property() { crate::$layer::$property::<crate::rig::Local>(); })* }
+        mod iceoryx2 { $(#[test] fn $property() { crate::$layer::$property::<crate::rig::Iceoryx2>(); })* }
+        mod zenoh { $(#[test] fn $property() { crate::$layer::$property::<crate::rig::Zenoh>(); })* }
+    };
+}
+
+for_every_bus! {
+    transport::a_stream_keeps_order;
+    transport::the_latest_value_wins_and_is_read_once;
+    transport::a_reader_waits_as_long_as_it_is_told_and_no_longer_than_it_must;
+    transport::topics_and_sessions_do_not_mix;
+    transport::a_monitor_loses_nothing_at_a_kilohertz_beside_a_loop;
+    transport::a_late_joiner_gets_the_scenario_and_an_early_one_gets_it_later;
+    transport::a_scenario_is_on_offer_as_long_as_its_plant_lives;
+    transport::a_role_waits_for_a_scenario_it_can_read;
+    ports::the_loop_closes_through_the_ports;
+    ports::the_plant_ignores_torques_that_are_not_acceptable;
+    ports::the_controller_ignores_states_that_are_not_acceptable;
+    ports::the_controller_is_asked_again_and_notices_another_run;
+    ports::a_monitor_hears_everything_acceptable;
+    ports::rubbish_is_counted_and_the_loop_goes_on;
+    knobs::a_wish_comes_to_the_plant_and_its_answer_back;
+    knobs::a_wish_for_another_run_or_of_another_version_is_nobodys;
+    knobs::a_changed_scenario_comes_before_the_samples_it_is_about;
+    knobs::everybody_hears_who_takes_part;
+}

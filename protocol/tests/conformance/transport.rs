@@ -1,0 +1,239 @@
+//! What moves samples and scenarios.
+
+use std::{
+    sync::atomic::{AtomicBool, Ordering},
+    thread,
+    time::{Duration, Instant},
+};
+
+use mtj_model::scenario::{Wait, built_in};
+use mtj_protocol::{
+    bus::{Bus, Depth, Role, receive},
+    codec::{Offer, encode_offer},
+    port::{Exchange, Offered, PlantPort, fetch_scenario},
+    sample::{ErrorSample, StateSample, StatusSample, TorqueSample, VERSION},
+    transport::AnyBus,
+};
+
+use crate::rig::*;
+
+pub fn a_stream_keeps_order<R: Rig>() {
+    let rig = R::new();
+    let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Other));
+    let mut writer = plant.writer().unwrap();
+    let mut stream = other.reader::<StateSample>(Depth::Stream, Wait::Block).unwrap();
+    let first = meet(&mut *writer, &mut [&mut *stream]);
+    for sequence in first..first + 1000 {
+        writer.write(&state(sequence)).unwrap();
+        if sequence % 10 == 0 {
+            thread::sleep(Duration::from_millis(1));
+        }
+    }
+    let (mut expected, last) = (first, first + 1000);
+    eventually("the last one", || {
+        writer.write(&state(last)).unwrap();
+        while let Some(found) = receive(&mut *stream, Wait::Block, glance()).unwrap() {
+            let sequence = found.header.sequence;
+            if expected == last && sequence == last {
+                return Some(());
+            }
+            let in_order = if R::DROPS { sequence >= expected } else { sequence == expected };
+            assert!(in_order, "{sequence} where {expected} was due");
+            assert_eq!(found, state(sequence), "and unharmed");
+            expected = (sequence + 1).min(last);
+        }
+        None
+    });
+    assert_eq!(stream.malformed(), 0);
+}
+
+pub fn the_latest_value_wins_and_is_read_once<R: Rig>() {
+    let rig = R::new();
+    let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Other));
+    let mut writer = plant.writer().unwrap();
+    let mut latest = other.reader::<StateSample>(Depth::Latest, Wait::Spin).unwrap();
+    let mut stream = other.reader::<StateSample>(Depth::Stream, Wait::Block).unwrap();
+    let first = meet(&mut *writer, &mut [&mut *latest, &mut *stream]);
+    for round in 0..5 {
+        let last = first + 100 * round + 99;
+        for sequence in last - 99..=last {
+            writer.write(&state(sequence)).unwrap();
+            thread::sleep(Duration::from_millis(1));
+        }
+        // When the stream has the last one, so has the process; its other reader is a moment away.
+        while receive(&mut *stream, Wait::Block, soon()).unwrap().unwrap().header.sequence != last {
+        }
+        thread::sleep(Duration::from_millis(50));
+        assert_eq!(latest.take().unwrap().map(|found| found.header.sequence), Some(last));
+        assert_eq!(latest.take().unwrap(), None, "only once");
+    }
+}
+
+pub fn a_reader_waits_as_long_as_it_is_told_and_no_longer_than_it_must<R: Rig>() {
+    let rig = R::new();
+    let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Other));
+    for (depth, wait) in
+        [(Depth::Latest, Wait::Block), (Depth::Latest, Wait::Spin), (Depth::Stream, Wait::Block)]
+    {
+        let mut writer = plant.writer().unwrap();
+        let mut reader = other.reader::<StateSample>(depth, wait).unwrap();
+        let next = meet(&mut *writer, &mut [&mut *reader]);
+        let (began, patience) = (Instant::now(), Duration::from_millis(30));
+        assert_eq!(receive(&mut *reader, wait, began + patience).unwrap(), None);
+        assert!(began.elapsed() >= patience, "it did not give up early");
+        // With all patience of the world it returns when the sample comes.
+        writer.write(&state(next)).unwrap();
+        let found = receive(&mut *reader, wait, soon()).unwrap();
+        assert_eq!(found.map(|found| found.header.sequence), Some(next));
+        // The past is no time to wait for, but what is there already is had.
+        writer.write(&state(next + 1)).unwrap();
+        eventually("a sample", || receive(&mut *reader, wait, Instant::now()).unwrap());
+    }
+}
+
+pub fn topics_and_sessions_do_not_mix<R: Rig>() {
+    let (rig, foreign) = (R::new(), R::new());
+    let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Other));
+    let foreign_plant = foreign.join(Role::Plant);
+    let mut writer = plant.writer().unwrap();
+    let mut states = other.reader::<StateSample>(Depth::Stream, Wait::Block).unwrap();
+    let mut torques = other.reader::<TorqueSample>(Depth::Stream, Wait::Block).unwrap();
+    let mut errors = other.reader::<ErrorSample>(Depth::Stream, Wait::Block).unwrap();
+    let mut statuses = other.reader::<StatusSample>(Depth::Stream, Wait::Block).unwrap();
+    let next = meet(&mut *writer, &mut [&mut *states]);
+    foreign_plant.writer().unwrap().write(&state(1_000_000)).unwrap();
+    writer.write(&state(next)).unwrap();
+    let found = receive(&mut *states, Wait::Block, soon()).unwrap().unwrap();
+    assert_eq!(found.header.sequence, next, "nothing of another session");
+    assert_eq!(torques.take().unwrap(), None);
+    assert_eq!(errors.take().unwrap(), None);
+    assert_eq!(statuses.take().unwrap(), None);
+    assert_eq!(torques.malformed() + errors.malformed() + statuses.malformed(), 0);
+}
+
+/// Tells a thread to end, even where an assertion fails before it is told.
+pub struct SetOnDrop<'a>(&'a AtomicBool);
+
+impl Drop for SetOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
+    }
+}
+
+pub fn a_monitor_loses_nothing_at_a_kilohertz_beside_a_loop<R: Rig>() {
+    const SAMPLES: u64 = 10_000;
+    let rig = R::new();
+    let (plant, monitor) = (rig.join(Role::Plant), rig.join(Role::Other));
+    let mut writer = plant.writer().unwrap();
+    let mut stream = monitor.reader::<StateSample>(Depth::Stream, Wait::Block).unwrap();
+    let (attached, over) = (AtomicBool::new(false), AtomicBool::new(false));
+    thread::scope(|scope| {
+        let (rig, attached, over) = (&rig, &attached, &over);
+        let _end = SetOnDrop(over);
+        let controller = scope.spawn(move || {
+            let bus = rig.join(Role::Other);
+            let mut latest = bus.reader::<StateSample>(Depth::Latest, Wait::Block).unwrap();
+            attached.store(true, Ordering::Release);
+            let (mut seen, mut newest, end) = (0, None, soon() + Duration::from_secs(30));
+            while !over.load(Ordering::Acquire) {
+                assert!(Instant::now() < end, "the loop was never told to end");
+                if let Some(found) = receive(&mut *latest, Wait::Block, glance()).unwrap() {
+                    assert!(newest < Some(found.header.sequence), "newer and newer");
+                    newest = Some(found.header.sequence);
+                    seen += 1;
+                }
+            }
+            seen
+        });
+        eventually("the loop's start", || attached.load(Ordering::Acquire).then_some(()));
+        let first = meet(&mut *writer, &mut [&mut *stream]);
+        let mut expected = first;
+        let mut drain = || {
+            while let Some(found) = stream.take().unwrap() {
+                assert_eq!(found.header.sequence, expected, "the next one");
+                expected += 1;
+            }
+            expected
+        };
+        let mut due = Instant::now();
+        for k in 0..SAMPLES {
+            thread::sleep(due.saturating_duration_since(Instant::now()));
+            writer.write(&state(first + k)).unwrap();
+            // A writer that was held up goes on at its rate: what it missed is not a burst.
+            let soonest = Instant::now() + Duration::from_micros(500);
+            due = (due + Duration::from_millis(1)).max(soonest);
+            if k % 20 == 0 {
+                drain();
+            }
+        }
+        eventually("the last sample", || (drain() == first + SAMPLES).then_some(()));
+        over.store(true, Ordering::Release);
+        assert!(controller.join().unwrap() > SAMPLES / 10, "the loop took part");
+    });
+}
+
+pub fn a_late_joiner_gets_the_scenario_and_an_early_one_gets_it_later<R: Rig>() {
+    let rig = R::new();
+    let (plant, early) = (rig.join(Role::Plant), rig.join(Role::Other));
+    assert_eq!(early.fetch().unwrap(), None, "before anything is on offer");
+    let mut offering = plant.offer(b"first".to_vec()).unwrap();
+    let mut fetch = |bus: &AnyBus| {
+        eventually("an offer", || {
+            offering.serve().unwrap();
+            bus.fetch().unwrap()
+        })
+    };
+    assert_eq!(fetch(&early), b"first");
+    assert_eq!(fetch(&early), b"first", "as often as one asks");
+    assert_eq!(fetch(&rig.join(Role::Other)), b"first");
+}
+
+pub fn a_scenario_is_on_offer_as_long_as_its_plant_lives<R: Rig>() {
+    let rig = R::new();
+    let (plant, early) = (rig.join(Role::Plant), rig.join(Role::Other));
+    for text in [b"first".to_vec(), vec![7; 60_000], b"third".to_vec()] {
+        let mut offering = plant.offer(text.clone()).unwrap();
+        eventually("the new offer", || {
+            offering.serve().unwrap();
+            (early.fetch().unwrap()? == text).then_some(())
+        });
+    }
+    let late = rig.join(Role::Other);
+    eventually("the end of the offer", || late.fetch().unwrap().is_none().then_some(()));
+}
+
+pub fn a_role_waits_for_a_scenario_it_can_read<R: Rig>() {
+    let rig = R::new();
+    let plant = rig.join(Role::Plant);
+    let text = built_in("sampled/tj").unwrap().to_owned();
+    let foreign =
+        Offer { version: VERSION + 1, revision: 0, run: 1, name: "sampled/tj".to_owned(), text };
+    let refused = Offer { version: VERSION, text: "seed = -1".to_owned(), ..foreign.clone() };
+    let unfit = [b"rubbish".to_vec(), encode_offer(&foreign), encode_offer(&refused)];
+    thread::scope(|scope| {
+        let rig = &rig;
+        let role = scope.spawn(move || {
+            let end = soon();
+            fetch_scenario(&rig.join(Role::Other), &|| Instant::now() < end).unwrap()
+        });
+        for bytes in unfit {
+            let mut offering = plant.offer(bytes).unwrap();
+            for _ in 0..20 {
+                offering.serve().unwrap();
+                thread::sleep(Duration::from_millis(2));
+            }
+        }
+        assert!(!role.is_finished(), "nothing unfit is taken");
+        let mut port = PlantPort::open(&plant, &scenario(), RUN).unwrap();
+        eventually("the scenario", || {
+            port.report(&StatusSample { header: header(0), ..Default::default() }).unwrap();
+            role.is_finished().then_some(())
+        });
+        let offered = Offered { run: RUN, revision: 0, scenario: scenario() };
+        assert_eq!(role.join().unwrap(), Some(offered));
+    });
+    let end = glance();
+    let bus = R::new();
+    let (_plant, lonely) = (bus.join(Role::Plant), bus.join(Role::Other));
+    assert_eq!(fetch_scenario(&lonely, &|| Instant::now() < end).unwrap(), None, "told to give up");
+}
