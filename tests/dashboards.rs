@@ -74,9 +74,13 @@ impl Server {
     }
 
     fn connect(&self) -> WebSocket<TcpStream> {
+        self.connect_with("")
+    }
+
+    fn connect_with(&self, query: &str) -> WebSocket<TcpStream> {
         let stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
         stream.set_read_timeout(Some(session::LONG)).unwrap();
-        let address = format!("ws://127.0.0.1:{}/live", self.port);
+        let address = format!("ws://127.0.0.1:{}/live{query}", self.port);
         tungstenite::client(address, stream).unwrap().0
     }
 
@@ -231,6 +235,11 @@ fn a_dashboard_that_comes_back_has_missed_nothing() {
             assert_eq!(bins[0].start, 0.0, "the {which} has the run from its beginning");
             Bin::assert_without_gap(&bins, which);
         }
+        let (run, newest) = (scenario["run"].as_str().unwrap(), Bin::all(&first).pop().unwrap());
+        let query = format!("?run={run}&since={}", newest.start);
+        let third = listen_until(&mut server.connect_with(&query), 5.0);
+        let bins = [Bin::all(&first), Bin::all(&third)].concat();
+        Bin::assert_without_gap(&bins, "who says what it has gets the rest");
     });
 }
 
@@ -292,6 +301,58 @@ fn knobs_take_the_token_and_a_page_of_ones_own() {
     let read_only = Server::start(&session, " --read-only");
     assert_eq!(read_only.token, None);
     assert_eq!(read_only.turn(set, &[authorized]).0, 403);
+}
+
+/// The next message of a kind, and how it is.
+fn next_of(socket: &mut WebSocket<TcpStream>, kind: &str) -> Value {
+    loop {
+        let message: Value = serde_json::from_str(&next(socket)).unwrap();
+        if message["kind"] == kind {
+            return message;
+        }
+    }
+}
+
+#[test]
+fn a_knob_that_is_turned_is_seen_by_every_dashboard() {
+    let session = Session::on("iceoryx2");
+    let server = Server::start(&session, "");
+    let _controller = session.start("controller");
+    let _plant = session.start(&plant(60, " --set timing.clock=realtime"));
+    let mut dashboards = [server.connect(), server.connect()];
+    let run = next_of(&mut dashboards[0], "scenario")["run"].clone();
+    next_of(&mut dashboards[1], "scenario");
+    listen_until(&mut dashboards[0], 0.2);
+    let bearer = server.bearer();
+    let authorized = [("Authorization", bearer.as_str())];
+
+    let (status, answer) = server.turn(r#"{"set":["law.kind=tj"]}"#, &authorized);
+    assert_eq!(
+        (status, &answer["accepted"], &answer["words"]),
+        (200, &true.into(), &"law.kind=tj".into())
+    );
+    for dashboard in &mut dashboards {
+        let scenario = next_of(dashboard, "scenario");
+        assert_eq!((&scenario["run"], &scenario["knobs"]["law.kind"]), (&run, &"tj".into()));
+        let mark = next_of(dashboard, "mark");
+        assert_eq!((&mark["time"], &mark["accepted"]), (&answer["time"], &true.into()));
+    }
+    let (status, answer) = server.turn(r#"{"set":["law.kp=-1"]}"#, &authorized);
+    assert_eq!((status, &answer["accepted"]), (422, &false.into()));
+    let mark = next_of(&mut dashboards[0], "mark");
+    assert_eq!((&mark["accepted"], &mark["reason"]), (&false.into(), &answer["reason"]));
+
+    assert_eq!(server.turn("\"reset\"", &authorized).0, 200);
+    for dashboard in &mut dashboards {
+        let scenario = loop {
+            let scenario = next_of(dashboard, "scenario");
+            if scenario["run"] != run {
+                break scenario;
+            }
+        };
+        assert_eq!(scenario["knobs"]["law.kind"], "tj", "a reset keeps what was set");
+        assert_eq!(next_of(dashboard, "bins")["t"][0], 0.0);
+    }
 }
 
 #[test]

@@ -62,8 +62,8 @@ fn exactly<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
 mod tests {
     use super::*;
     use crate::sample::{
-        ChangeSample, ErrorSample, Header, PresenceSample, RequestSample, StateSample, StatusSample,
-        TorqueSample, text,
+        ChangeSample, ErrorSample, Header, PresenceSample, RequestSample, StateSample,
+        StatusSample, TorqueSample, text,
     };
 
     fn check<S: Sample + PartialEq>(sample: S) {
@@ -129,7 +129,8 @@ mod tests {
             ("change", size_of::<ChangeSample>()),
             ("presence", size_of::<PresenceSample>()),
         ] {
-            let title = page.lines().find(|line| line.starts_with(&format!("## {sample} "))).unwrap();
+            let title =
+                page.lines().find(|line| line.starts_with(&format!("## {sample} "))).unwrap();
             assert!(title.ends_with(&format!(", {size} bytes")), "{title}");
         }
     }

@@ -5,7 +5,7 @@ use std::{convert::Infallible, io::ErrorKind, sync::Arc, time::Duration};
 use axum::{
     Extension, Router,
     extract::{Request, State, WebSocketUpgrade},
-    http::{HeaderName, HeaderValue, StatusCode, header},
+    http::{HeaderName, HeaderValue, StatusCode, Uri, header},
     middleware::{self, Next},
     response::Response,
     routing::{get, post},
@@ -18,7 +18,7 @@ use tokio::{
     time::{sleep, timeout},
 };
 
-use super::{guard::Guard, knobs, live::Live, page};
+use super::{board::Cursor, guard::Guard, knobs, live::Live, page};
 use crate::desk::Counter;
 
 /// How many connections there may be at once.
@@ -130,14 +130,17 @@ async fn secure(mut response: Response) -> Result<Response, Infallible> {
     Ok(response)
 }
 
-/// `GET /live`: from here on the connection is a dashboard's.
+/// `GET /live`, or `GET /live?run=…&since=…` for a page that comes back: from here on the connection
+/// is a dashboard's.
 async fn live(
     State(server): State<Server>,
     Extension(room): Extension<Room>,
+    address: Uri,
     socket: WebSocketUpgrade,
 ) -> Response {
+    let known = address.query().and_then(Cursor::of_query).unwrap_or_default();
     socket.max_message_size(LONGEST).max_frame_size(LONGEST).on_upgrade(move |socket| async move {
-        server.live.show(socket).await;
+        server.live.show(socket, known).await;
         drop(room);
     })
 }
