@@ -74,7 +74,7 @@ impl Cursor {
         (bin >= 0.0).then_some(Self {
             run: Some(value("run")?.parse().ok()?),
             revision: u32::MAX,
-            bin: bin as u64 + 1,
+            bin: (bin as u64).saturating_add(1),
             ..Self::default()
         })
     }

@@ -127,7 +127,7 @@ async fn follow(
         tokio::select! {
             frame = frames.recv() => match frame {
                 Ok(frame) if frame.step.after.publication <= known.publication => {}
-                Ok(frame) if frame.step.before == *known => {
+                Ok(frame) if frame.step.before.publication == known.publication => {
                     for message in &frame.messages {
                         send(socket, message.clone()).await?;
                     }
