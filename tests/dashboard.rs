@@ -102,7 +102,8 @@ fn the_page_shows_a_session_live() {
     assert!(distance < 0.05, "the tip is plotted {distance} m from where the arm has it");
 
     // The plots move.
-    let canvases = ["#arm", "#lens", "#ruler", "#chart-norm canvas", "#chart-torque canvas", "#histogram"];
+    let canvases =
+        ["#arm", "#lens", "#ruler", "#chart-norm canvas", "#chart-torque canvas", "#histogram"];
     let before = canvases.map(|canvas| drawn_on(&browser, canvas));
     let length = browser.number("mtj.store.length");
     let_run(&browser, 2.0);
@@ -120,7 +121,8 @@ fn the_page_shows_a_session_live() {
     assert_eq!(drawn_on(&browser, "#chart-norm canvas"), held);
     browser.click("#follow");
 
-    let roles = browser.run("return [...document.querySelectorAll('#roles li')].map((li) => li.dataset.state)");
+    let roles = browser
+        .run("return [...document.querySelectorAll('#roles li')].map((li) => li.dataset.state)");
     assert_eq!(roles, serde_json::json!(["connected", "connected", "connected"]));
     assert_eq!(browser.run("return document.getElementById('banner').hidden"), true);
     assert_eq!(browser.run("return location.hash"), "", "the token stays in the address bar");
@@ -130,11 +132,13 @@ fn the_page_shows_a_session_live() {
     browser.look(1440, 900, Scheme::Dark);
     let_run(&browser, 1.0);
     browser.picture(&picture("dark"));
-    for (name, width, height) in [("phone", 390, 844), ("tablet", 820, 1180), ("wide", 1920, 1080)] {
+    for (name, width, height) in [("phone", 390, 844), ("tablet", 820, 1180), ("wide", 1920, 1080)]
+    {
         browser.look(width, height, Scheme::Light);
         let_run(&browser, 1.0);
         browser.picture(&picture(name));
-        let over = browser.number("document.documentElement.scrollWidth - document.documentElement.clientWidth");
+        let over = browser
+            .number("document.documentElement.scrollWidth - document.documentElement.clientWidth");
         assert_eq!(over, 0.0, "the page is wider than {width} pixels");
     }
     assert_eq!(browser.complaints(), Vec::<String>::new());
@@ -144,40 +148,53 @@ fn the_page_shows_a_session_live() {
 fn a_knob_turned_in_the_page_shows_in_its_error_plot() {
     let session = Session::on("iceoryx2");
     let monitor = session.start("monitor --web 127.0.0.1:0");
-    let _plant = session.start(PLANT);
+    // Aiming ahead, mtj stands what a busy machine does to its samples.
+    let aiming = "--set law.memory.policy=delivered --set law.prediction.horizon=measured";
+    let _plant = session.start(&format!("{PLANT} {aiming}"));
     let _controller = session.start("controller");
     let browser = watch(&monitor);
     browser.look(1440, 900, Scheme::Light);
     browser.run("mtj.view.show(60)");
 
-    browser.until("mtj.store.newest > 12");
-    let sent = plotted_error(&browser, 4.0);
-    assert!(sent > 5e-4 && sent < 5e-3, "mtj tracks with {sent} m");
-
-    // One millisecond of latency takes the accuracy of the sent memory; the slider is dragged there.
+    // The slider is dragged, stop by stop; it sends some of them and the last.
     let stop = browser.run(
         "const slider = document.getElementById('torque-latency-slider');
-         for (let i = 0; i <= 20; i += 1) {
+         for (let i = 0; i <= 36; i += 1) {
            slider.value = i;
            slider.dispatchEvent(new Event('input', { bubbles: true }));
          }
          return slider.getAttribute('aria-valuetext');",
     );
-    assert_eq!(stop, "1 ms");
-    browser.until("mtj.store.scenario.knobs['link.torque.latency'] === '1ms'");
-    browser.until("mtj.store.marks.some((mark) => mark.words === 'link.torque.latency=1ms')");
-    let_run(&browser, 14.0);
-    let late = plotted_error(&browser, 4.0);
-    assert!(late > 3.0 * sent, "1 ms of latency: {sent} m before, {late} m after");
+    assert_eq!(stop, "5 ms");
+    browser.until("mtj.store.scenario.knobs['link.torque.latency'] === '5ms'");
+    browser.until("mtj.store.marks.at(-1)?.words === 'link.torque.latency=5ms'");
+    assert!(browser.number("mtj.store.marks.length") < 10.0, "a slider must not flood the plant");
+    // The plotted latency is what was asked for, and at most what the machine added.
+    let_run(&browser, 2.0);
+    let latency = "mtj.store.extent('latency', mtj.store.newest - 1, 1e9).min";
+    assert!((4.9..15.0).contains(&browser.number(latency)), "{} ms", browser.number(latency));
+    browser.until("mtj.store.newest > 12");
+    let aiming = plotted_error(&browser, 4.0);
 
-    // The delivered memory brings it back.
-    browser.click("[data-key='law.memory.policy'] label:nth-child(3)");
-    browser.until("mtj.store.marks.at(-1)?.words === 'law.memory.policy=delivered'");
-    let_run(&browser, 16.0);
-    let delivered = plotted_error(&browser, 4.0);
-    assert!(delivered < late / 2.0, "the delivered memory: {late} m before, {delivered} m after");
+    // With as much latency the memory of what was sent is lost.
+    browser.click("[data-key='law.prediction.horizon'] label:nth-child(1)");
+    browser.until("mtj.store.marks.at(-1)?.words === 'law.prediction.horizon=none'");
+    browser.click("[data-key='law.memory.policy'] label:nth-child(1)");
+    browser.until("mtj.store.marks.at(-1)?.words === 'law.memory.policy=sent'");
+    let_run(&browser, 10.0);
+    let sent = plotted_error(&browser, 4.0);
+    assert!(sent > 4.0 * aiming, "sent and 5 ms: {aiming} m before, {sent} m after");
+
+    // The steps of the story are buttons; the last one brings the accuracy back.
+    browser.click("button[data-set*='horizon=measured']");
+    browser.until("mtj.store.scenario.knobs['law.memory.policy'] === 'delivered'");
+    browser.until(
+        "document.querySelector('button[data-set*=\"horizon=measured\"]').ariaPressed === 'true'",
+    );
+    let_run(&browser, 14.0);
+    let back = plotted_error(&browser, 4.0);
+    assert!(back < sent / 3.0, "delivered, aiming ahead: {sent} m before, {back} m after");
     browser.picture(&picture("story"));
-    eprintln!("sent {sent:.2e} m, with 1 ms {late:.2e} m, delivered {delivered:.2e} m");
 
     // Without any memory the same gains do worse by far: a law is changed.
     browser.click("[data-key='law.kind'] label:nth-child(1)");
@@ -185,10 +202,10 @@ fn a_knob_turned_in_the_page_shows_in_its_error_plot() {
     browser.until("document.getElementById('law').textContent === 'tj'");
     let_run(&browser, 6.0);
     let tj = plotted_error(&browser, 2.0);
-    assert!(tj > 3.0 * delivered, "tj with mtj's gains: {delivered} m before, {tj} m after");
-    // Each mark is where the error begins to change: at a sampling instant of this run.
-    let marks = browser.run("return mtj.store.marks.map((mark) => mark.accepted)");
-    assert!(marks.as_array().unwrap().len() >= 3 && marks.as_array().unwrap().iter().all(|m| m == true));
+    assert!(tj > 2.0 * back, "tj with mtj's gains: {back} m before, {tj} m after");
+    eprintln!("aiming {aiming:.2e} m, sent {sent:.2e} m, aiming {back:.2e} m, tj {tj:.2e} m");
+    let refused = browser.run("return mtj.store.marks.filter((mark) => !mark.accepted)");
+    assert_eq!(refused, serde_json::json!([]));
     assert_eq!(browser.complaints(), Vec::<String>::new());
 
     // What is refused is said where it was wished for, and the value in effect is shown again.
@@ -229,7 +246,9 @@ fn who_falls_silent_is_announced_until_he_is_back() {
     let place = url.trim_start_matches("http://").split('/').next().unwrap().to_owned();
     let length = browser.number("mtj.store.length");
     monitor.signal(Signal::SIGKILL);
-    browser.until("document.getElementById('alarm').textContent.includes('connection to the monitor')");
+    browser.until(
+        "document.getElementById('alarm').textContent.includes('connection to the monitor')",
+    );
     browser.picture(&picture("lost"));
     drop(monitor);
     let monitor = session.start(&format!("monitor --web {place}"));
@@ -259,7 +278,9 @@ fn without_the_token_no_knob_can_be_turned() {
 
     // A token that is none is forgotten, and the page says so.
     browser.run("sessionStorage.setItem('mtj.token', 'guessed'); location.reload();");
-    browser.until("window.mtj?.live.connected && !document.querySelector('#knobs fieldset.all').disabled");
+    browser.until(
+        "window.mtj?.live.connected && !document.querySelector('#knobs fieldset.all').disabled",
+    );
     browser.click("[data-key='law.kind'] label:nth-child(1)");
     browser.until("document.querySelector('#knobs fieldset.all').disabled");
     browser.until("mtj.store.scenario?.knobs['law.kind'] === 'mtj'");

@@ -66,7 +66,8 @@ impl Browser {
             .http_status_as_error(false)
             .build()
             .into();
-        let mut browser = Self { driver, agent, session: format!("http://127.0.0.1:{port}/session") };
+        let mut browser =
+            Self { driver, agent, session: format!("http://127.0.0.1:{port}/session") };
         let arguments = [
             "--headless=new",
             "--no-sandbox",
@@ -137,7 +138,8 @@ impl Browser {
     pub fn complaints(&self) -> Vec<String> {
         let entries = self.post("/se/log", &json!({ "type": "browser" }));
         let entries = entries.as_array().unwrap().iter();
-        let serious = entries.filter(|entry| entry["level"] == "SEVERE" || entry["level"] == "WARNING");
+        let serious =
+            entries.filter(|entry| entry["level"] == "SEVERE" || entry["level"] == "WARNING");
         serious.map(|entry| entry["message"].as_str().unwrap().to_owned()).collect()
     }
 
