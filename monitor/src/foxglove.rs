@@ -55,6 +55,8 @@ impl FoxgloveOptions {
 ///
 /// A client that does not keep up loses the oldest messages; nobody waits for it.
 pub struct Foxglove {
+    /// What channels and server have in common; they do not keep it alive themselves.
+    _context: Arc<Context>,
     server: Option<WebSocketServerHandle>,
     channels: [Arc<RawChannel>; TOPICS.len()],
     arm: Channel<SceneUpdate>,
@@ -101,6 +103,7 @@ impl Foxglove {
             server: Some(server),
             channels,
             arm: context.channel_builder("/mtj/arm").build(),
+            _context: context,
             timeline: Timeline::default(),
             scenario: None,
             is_followed: false,

@@ -42,6 +42,7 @@ fn connect(port: u16) -> WebSocket<TcpStream> {
 }
 
 /// The next frame for which there is something to say, for a bounded time; meanwhile the server goes on.
+#[track_caller]
 fn until<T>(
     client: &mut WebSocket<TcpStream>,
     server: &mut Foxglove,
