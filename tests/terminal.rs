@@ -234,7 +234,7 @@ fn the_dashboard_shows_a_live_session_and_leaves_the_terminal_as_it_was() {
         });
     }
     terminal.resize(50, 10);
-    terminal.shows(&["50 × 10", "60 × 16"]);
+    terminal.shows(&["terminal is 50 × 10", "press q"]);
     terminal.resize(80, 24);
     terminal.shows(&["running"]);
 

@@ -8,10 +8,13 @@
 //! desk      an audience: takes knob turns from dashboards to the plant
 //! recording an audience: every message in a file; and such a file as a source
 //! web       an audience: the dashboard in a browser
+//! foxglove  an audience: live to Foxglove (a feature that is off by default)
 //! ```
 
 pub mod desk;
 pub mod durations;
+#[cfg(feature = "foxglove")]
+pub mod foxglove;
 pub mod lines;
 pub mod monitor;
 pub mod options;

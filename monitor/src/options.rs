@@ -3,6 +3,8 @@
 use clap::Args;
 use mtj_protocol::{bus::BusError, options::RoleOptions};
 
+#[cfg(feature = "foxglove")]
+use crate::foxglove::FoxgloveOptions;
 use crate::{
     lines::Lines,
     monitor::{self, Audience, Live},
@@ -37,31 +39,48 @@ pub struct AudienceOptions {
     /// A file.
     #[command(flatten)]
     pub recording: RecordingOptions,
+    /// Foxglove.
+    #[cfg(feature = "foxglove")]
+    #[command(flatten)]
+    pub foxglove: FoxgloveOptions,
 }
 
 impl AudienceOptions {
     /// The same options as arguments for another process.
     pub fn arguments(&self) -> Vec<String> {
-        [self.web.arguments(), self.terminal.arguments(), self.recording.arguments()].concat()
+        [
+            self.web.arguments(),
+            self.terminal.arguments(),
+            self.recording.arguments(),
+            #[cfg(feature = "foxglove")]
+            self.foxglove.arguments(),
+        ]
+        .concat()
     }
 }
 
 impl MonitorOptions {
     /// Watches until asked to stop.
     pub fn run(&self) -> Result<(), BusError> {
-        let AudienceOptions { web, terminal, recording } = &self.audience;
+        let AudienceOptions { web, terminal, recording, .. } = &self.audience;
         // What cannot be is said before anything is begun.
         terminal.check()?;
         let settings = self.role.bus.settings();
         let settings = settings.map_err(|error| BusError::Settings(error.to_string()))?;
         let recording = recording.begin(&settings)?;
         let reception = web.listen()?;
+        #[cfg(feature = "foxglove")]
+        let foxglove = self.audience.foxglove.serve(&settings.session)?;
         let shutdown = self.role.shutdown();
         let Some(bus) = self.role.join(shutdown)? else { return Ok(()) };
         let mut source = Live::open(&bus)?;
         let mut audience: Vec<Box<dyn Audience>> = Vec::new();
         if let Some(reception) = reception {
             reception.join(&bus, &Place::from(&settings), &mut audience)?;
+        }
+        #[cfg(feature = "foxglove")]
+        if let Some(foxglove) = foxglove {
+            audience.push(Box::new(foxglove));
         }
         if let Some(recording) = recording {
             audience.push(Box::new(recording.start()?));

@@ -4,6 +4,8 @@ use std::collections::VecDeque;
 
 /// How long one bin is, s of the run's time.
 const BIN: f64 = 0.01;
+/// So that a time which is a whole number of bins does not fall short of its own.
+const ROUNDING: f64 = 1e-6;
 /// How many bins are kept: five minutes.
 const BINS: usize = 30_000;
 
@@ -45,8 +47,7 @@ impl Track {
         if !value.is_finite() {
             return;
         }
-        // A time that is a whole number of bins must not fall short of its own by rounding.
-        let bin = (time / BIN + 1e-6) as u64;
+        let bin = (time / BIN + ROUNDING) as u64;
         match self.bins.back_mut() {
             Some((newest, range)) if bin <= *newest => range.join(Range::of(value)),
             _ => {
@@ -72,7 +73,7 @@ impl Track {
         let width = ((to - from) / columns.max(1) as f64).max(BIN);
         let mut merged: Vec<(f64, Range)> = Vec::new();
         for (time, range) in self.between(from, to) {
-            let column = from + ((time - from) / width).floor() * width;
+            let column = from + ((time - from) / width + ROUNDING).floor() * width;
             match merged.last_mut() {
                 Some((last, all)) if *last == column => all.join(range),
                 _ => merged.push((column, range)),
