@@ -27,6 +27,8 @@ const STEP: u64 = 500;
 const MARKS: usize = 200;
 /// How many runs are remembered for telling stragglers.
 const RUNS: usize = 16;
+/// How many samples are kept until the scenario is known that they are about.
+const EARLY: usize = 16_384;
 
 /// The board.
 #[derive(Default)]
@@ -41,6 +43,8 @@ pub struct Board {
     marked: u64,
     run: Option<u64>,
     past: VecDeque<u64>,
+    /// What was heard of the run before its scenario was: the scenario is fetched, samples come.
+    early: Vec<Message>,
     /// The newest state's bin.
     state: u64,
     /// The newest bin of all.
@@ -116,6 +120,9 @@ impl Board {
             Message::Scenario(offered) => {
                 self.begin(offered.run);
                 self.readings.follow(offered);
+                for early in std::mem::take(&mut self.early) {
+                    self.plot(&early);
+                }
             }
             Message::State(state) => {
                 self.begin(state.header.run);
@@ -145,6 +152,7 @@ impl Board {
         }
         self.readings = Readings::default();
         self.history = History::default();
+        self.early.clear();
         self.marks.clear();
         self.marked = 0;
         (self.state, self.newest) = (0, 0);
@@ -168,6 +176,9 @@ impl Board {
         let Some((run, time_ns)) = run_and_time(message).filter(|_| is_sample) else { return };
         if self.run != Some(run) {
             return;
+        }
+        if !self.readings.has_scenario() && self.early.len() < EARLY {
+            return self.early.push(message.clone());
         }
         let place = time_ns / WIDTH_NS;
         self.newest = self.newest.max(place);
