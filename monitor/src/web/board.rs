@@ -25,6 +25,8 @@ const PATIENCE: usize = 10;
 const STEP: u64 = 500;
 /// How many marks are kept.
 const MARKS: usize = 200;
+/// How many samples are kept until the scenario is known that they are about.
+const EARLY: usize = 16_384;
 
 /// The board.
 #[derive(Default)]
@@ -38,6 +40,8 @@ pub struct Board {
     /// How many marks there were in this run.
     marked: u64,
     run: Option<u64>,
+    /// What was heard of the run before its scenario was: the scenario is fetched, samples come.
+    early: Vec<Message>,
     /// The newest state's bin.
     state: u64,
     /// The newest bin of all.
@@ -113,6 +117,9 @@ impl Board {
             Message::Scenario(offered) => {
                 self.begin(offered.run);
                 self.readings.follow(offered);
+                for early in std::mem::take(&mut self.early) {
+                    self.plot(&early);
+                }
             }
             Message::State(state) => {
                 self.begin(state.header.run);
@@ -133,6 +140,7 @@ impl Board {
         self.run = Some(run);
         self.readings = Readings::default();
         self.history = History::default();
+        self.early.clear();
         self.marks.clear();
         self.marked = 0;
         (self.state, self.newest) = (0, 0);
@@ -156,6 +164,9 @@ impl Board {
         let Some((run, time_ns)) = run_and_time(message).filter(|_| is_sample) else { return };
         if self.run != Some(run) {
             return;
+        }
+        if !self.readings.has_scenario() && self.early.len() < EARLY {
+            return self.early.push(message.clone());
         }
         let place = time_ns / WIDTH_NS;
         self.newest = self.newest.max(place);
