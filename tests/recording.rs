@@ -7,6 +7,7 @@ mod session;
 
 use std::{
     env, fs,
+    net::TcpStream,
     path::{Path, PathBuf},
     process::Command,
     thread,
@@ -288,6 +289,48 @@ fn a_full_disk_is_told_once_and_monitoring_goes_on() {
     let findings = replay(&session, &file, &[]);
     assert_eq!((&findings["states"], &findings["differing"]), (states, &0.into()), "{findings}");
     assert!(number(&findings["compared"]) > 10, "{findings}");
+}
+
+#[test]
+fn a_recording_is_played_to_a_dashboard() {
+    let session = Session::on("iceoryx2");
+    let (mut monitor, file) = start_recording(&session, "");
+    let mut plant = session.start("plant --json --scenario sampled/mtj --set duration=3s");
+    let controller = session.start("controller");
+    report_of(&mut plant);
+    drop(controller);
+    finish(&mut monitor);
+
+    let serve = ["replay", file.to_str().unwrap(), "--serve", "127.0.0.1:0", "--speed", "3"];
+    let mut player = session.start_exactly(&serve);
+    let address = eventually("an address", || {
+        let said = player.stderr();
+        let (_, url) = said.split_once("dashboard at http://")?;
+        Some(url.split_once('/')?.0.to_owned())
+    });
+    let stream = TcpStream::connect(&address).unwrap();
+    stream.set_read_timeout(Some(session::LONG)).unwrap();
+    let (mut socket, _) = tungstenite::client(format!("ws://{address}/live"), stream).unwrap();
+    let mut next =
+        || -> Value { serde_json::from_str(socket.read().unwrap().to_text().unwrap()).unwrap() };
+    let hello = next();
+    assert_eq!((&hello["kind"], &hello["read_only"]), (&"hello".into(), &true.into()), "{hello}");
+    // The curves come to the end of the run, and begin at its beginning.
+    let mut begin = f64::INFINITY;
+    loop {
+        let message = next();
+        if message["kind"] == "bins" {
+            let times: Vec<f64> = serde_json::from_value(message["t"].clone()).unwrap();
+            begin = times.iter().copied().fold(begin, f64::min);
+            if times.iter().any(|time| *time > 2.9) {
+                break;
+            }
+        }
+    }
+    assert!(begin < 0.1, "{begin}");
+    eventually("the end", || player.stderr().contains("played to its end").then_some(()));
+    assert!(!player.has_ended(), "the dashboard stays");
+    finish(&mut player);
 }
 
 #[test]

@@ -183,3 +183,40 @@ fn write_all(file: &mut RecordingFile, messages: &Receiver<(u64, Message)>) -> i
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test that cannot go on should say so")]
+
+    use std::{collections::BTreeMap, fs::File, os::fd::OwnedFd};
+
+    use mtj_protocol::sample::{Header, StateSample};
+
+    use super::*;
+
+    #[test]
+    fn what_the_disk_cannot_take_is_counted_and_nobody_waits_for_it() {
+        // A pipe that nobody reads is a disk that is stuck.
+        let (mut disk, pipe) = io::pipe().unwrap();
+        let file = File::from(OwnedFd::from(pipe));
+        let file = RecordingFile::begin(file, BTreeMap::new()).unwrap();
+        let mut recorder = Recorder::start(Path::new("pipe"), file).unwrap();
+        let heard = 3 * QUEUE as u64;
+        for sequence in 0..heard {
+            let header = Header { run: 1, sequence, ..Header::default() };
+            recorder.hear(&Message::State(StateSample { header, ..Default::default() }));
+        }
+        assert!(recorder.refresh().unwrap());
+        assert!((1..=2 * QUEUE as u64).contains(&recorder.overrun), "{}", recorder.overrun);
+        assert!(recorder.complaint.is_some());
+
+        let reading = thread::spawn(move || io::copy(&mut disk, &mut io::sink()).unwrap());
+        recorder.conclude();
+        let states = recorder.safe[Topic::State as usize];
+        assert_eq!(states + recorder.overrun, heard);
+        let tally = recorder.tally();
+        assert!(tally.contains(&format!("{states} state, ")), "{tally}");
+        assert!(tally.contains(&format!("; {} messages dropped", recorder.overrun)), "{tally}");
+        assert!(reading.join().unwrap() > 0);
+    }
+}

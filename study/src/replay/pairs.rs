@@ -43,8 +43,9 @@ impl Asked {
     }
 }
 
-enum Search {
-    Found(StateSample),
+/// Where the state of a torque is.
+enum Whereabouts {
+    First,
     NotYet,
     Never,
 }
@@ -84,14 +85,15 @@ impl Pairs {
                 continue;
             }
             match self.search(place) {
-                Search::NotYet if self.torques.len() <= MOST => return None,
-                Search::NotYet | Search::Never => {
+                Whereabouts::NotYet if self.torques.len() <= MOST => return None,
+                Whereabouts::NotYet | Whereabouts::Never => {
                     self.without_state += 1;
                     self.torques.pop_front();
                 }
-                Search::Found(state) => {
+                Whereabouts::First => {
                     self.torques.pop_front();
                     self.answered = Some(place);
+                    let Asked { state, .. } = self.pass()?;
                     let after_gap = std::mem::take(&mut self.after_gap);
                     return Some(Pair { state, torque, after_gap });
                 }
@@ -100,14 +102,12 @@ impl Pairs {
         None
     }
 
-    /// Finds a state, and lets go of those before it, which nobody answered.
-    fn search(&mut self, (run, sequence): (u64, u64)) -> Search {
+    /// Lets go of states that nobody answered, until the wanted one is the first.
+    fn search(&mut self, (run, sequence): (u64, u64)) -> Whereabouts {
         while let Some(first) = self.states.front() {
             let place = first.place();
             if place == (run, sequence) {
-                let state = first.state;
-                self.pass();
-                return Search::Found(state);
+                return Whereabouts::First;
             }
             let is_later = match place.0 == run {
                 true => place.1 > sequence,
@@ -122,13 +122,13 @@ impl Pairs {
             Some((newest, last)) if newest == run => last < sequence,
             _ => !self.runs.contains(&run),
         };
-        if is_to_come { Search::NotYet } else { Search::Never }
+        if is_to_come { Whereabouts::NotYet } else { Whereabouts::Never }
     }
 
-    fn pass(&mut self) {
-        if let Some(first) = self.states.pop_front() {
-            self.after_gap |= first.after_gap;
-        }
+    fn pass(&mut self) -> Option<Asked> {
+        let first = self.states.pop_front()?;
+        self.after_gap |= first.after_gap;
+        Some(first)
     }
 
     /// There is nothing more to come.

@@ -18,7 +18,8 @@ function one(name, label, colour, factor = 1) {
 
 /**
  * Each with the series it draws from a scenario. Values times `factor` are in `unit`; `span` is a range
- * that never changes; `weight` is the chart's share of the height.
+ * that never changes; `weight` is the chart's share of the height; `rms` a series whose mean size in view
+ * is worth knowing.
  */
 export const CHARTS = [
   {
@@ -27,6 +28,7 @@ export const CHARTS = [
     unit: "m",
     logarithmic: true,
     weight: 2,
+    rms: "error.norm",
     series: () => [{ ...one("law_error.norm", "as the law saw it", "series-under"), width: 3 }, one("error.norm", "measured", "series-1")],
   },
   {
@@ -56,8 +58,11 @@ export const CHARTS = [
         factor: 1,
       })),
     limits: ({ torque_limit }) =>
-      (torque_limit ?? []).flatMap((limit, i) => [-limit, limit].map((value) => ({ value, colour: `series-${i + 1}` }))),
-    note: ({ torque_limit }) => (torque_limit ? `limits ±${torque_limit.join(", ±")} N m` : "no limits"),
+      (torque_limit ?? []).flatMap((limit, i) =>
+        limit === null ? [] : [-limit, limit].map((value) => ({ value, colour: `series-${i + 1}` })),
+      ),
+    note: ({ torque_limit }) =>
+      torque_limit ? `limits ${torque_limit.map((limit) => (limit === null ? "none" : `±${limit}`)).join(", ")} N m` : "no limits",
   },
   {
     id: "force",

@@ -8,6 +8,7 @@ const NOTCH = 0.1;
  * points anew where the pointer is, for when the charts have moved beneath it.
  */
 export function attachGestures(area, view, columnsOf) {
+  const stacked = matchMedia("(max-width: 1099.98px)");
   let drag = null;
   let hover = null;
 
@@ -54,6 +55,9 @@ export function attachGestures(area, view, columnsOf) {
     "wheel",
     (event) => {
       if (!chartAt(event)) return;
+      const sideways = event.shiftKey || Math.abs(event.deltaX) > Math.abs(event.deltaY);
+      // Where the charts are part of a long page, a plain wheel scrolls that.
+      if (stacked.matches && !sideways && !event.ctrlKey && !event.metaKey) return;
       event.preventDefault();
       const notches = (Math.abs(event.deltaX) > Math.abs(event.deltaY) ? event.deltaX : event.deltaY) / 100;
       if (event.ctrlKey || event.metaKey) view.show(view.range * 2 ** notches);
@@ -74,7 +78,7 @@ export function attachGestures(area, view, columnsOf) {
     " ": () => (view.following ? view.hold() : view.follow()),
   };
   area.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.altKey || event.metaKey || !Object.hasOwn(keys, event.key)) return;
+    if (event.target !== area || event.ctrlKey || event.altKey || event.metaKey || !Object.hasOwn(keys, event.key)) return;
     event.preventDefault();
     keys[event.key]();
   });

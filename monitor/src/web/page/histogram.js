@@ -85,6 +85,7 @@ export class Histogram {
     context.beginPath();
     const decades = Math.log10(high / low);
     const leads = decades < 1.2 ? [1, 2, 5] : [1];
+    let free = -Infinity;
     for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power += 1) {
       for (const lead of leads) {
         const us = lead * 10 ** power;
@@ -92,7 +93,10 @@ export class Histogram {
         rule(context, x(us), plot.top, x(us), plot.bottom + 3);
         const label = us < 999 ? `${us} µs` : us < 999e3 ? `${us / 1e3} ms` : `${us / 1e6} s`;
         const half = context.measureText(label).width / 2;
-        context.fillText(label, Math.min(Math.max(x(us), half), plot.right - half), plot.bottom + 5);
+        const middle = Math.min(Math.max(x(us), half), plot.right - half);
+        if (middle - half < free) continue;
+        free = middle + half + 8;
+        context.fillText(label, middle, plot.bottom + 5);
       }
     }
     rule(context, plot.left, plot.bottom, plot.right, plot.bottom);

@@ -54,6 +54,7 @@ class Knob {
   #value = null;
   #edited = false;
   #pending = 0;
+  #awaited = false;
 
   constructor(element, send) {
     this.key = element.dataset.key;
@@ -116,22 +117,29 @@ class Knob {
     this.#element.classList.add("pending");
     this.#refuse("");
     this.#pending += 1;
+    this.#awaited = true;
     const answer = await this.#send({ set: [`${this.key}=${this.#form.write(text)}`] });
     this.#pending -= 1;
     if (this.#pending > 0) return;
-    if (answer.accepted) {
-      setTimeout(() => this.#pending === 0 && this.#settle(), SETTLE);
+    if (answer.accepted && this.#awaited) {
+      setTimeout(() => this.#show(), SETTLE);
       return;
     }
-    this.#settle();
-    this.#refuse(answer.reason);
+    this.#show();
+    if (!answer.accepted) this.#refuse(answer.reason);
+  }
+
+  /** Shows the value in effect, unless somebody is at it or waits for another. */
+  #show() {
+    if (this.#pending === 0 && !this.#edited) this.#settle();
   }
 
   /** Takes the value in effect. */
   adopt(value) {
     if (String(value) !== String(this.#value)) this.#refuse("");
     this.#value = value;
-    if (this.#pending === 0 && !this.#edited) this.#settle();
+    this.#awaited = false;
+    this.#show();
   }
 
   #settle() {

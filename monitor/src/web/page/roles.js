@@ -76,7 +76,8 @@ export class Counts {
     const { store, view } = this.#session;
     for (const cell of this.#cells) {
       const name = cell.dataset.count;
-      const count = now.counts?.[name];
+      const parts = name.split(" ").map((part) => now.counts?.[part]);
+      const count = parts[0] == null ? null : parts.reduce((sum, part) => sum + (part ?? 0), 0);
       const inView = cell.dataset.series && store.extent(cell.dataset.series, view.end - view.range, view.end);
       const more = inView ? Math.round(inView.max - inView.min) : 0;
       const text = count == null ? "–" : count.toLocaleString("en").replaceAll(",", "\u202f");
@@ -84,7 +85,7 @@ export class Counts {
       if (number.textContent !== text) number.textContent = text;
       if (recent) recent.textContent = more > 0 ? `+${more}` : "";
       cell.classList.toggle("some", more > 0);
-      cell.title = more > 0 ? `${more} of them in view` : "";
+      if (inView) cell.title = more > 0 ? `${more} of them in view` : "";
     }
   }
 }

@@ -131,6 +131,19 @@ export class Store {
     return min <= max ? { min, max } : null;
   }
 
+  /** Root mean square of a series in a span of time; of a bin with many samples its two extremes count. */
+  rms(name, from, to) {
+    const series = this.series.get(name);
+    if (!series) return null;
+    let [sum, count] = [0, 0];
+    for (let i = this.indexOf(from); i < this.length && this.times[i] <= to; i += 1) {
+      if (Number.isNaN(series.low[i])) continue;
+      sum += (series.low[i] ** 2 + series.high[i] ** 2) / 2;
+      count += 1;
+    }
+    return count > 0 ? Math.sqrt(sum / count) : null;
+  }
+
   /** The bin of a series that is nearest to an instant, within `reach` seconds. */
   nearest(name, time, reach) {
     const series = this.series.get(name);

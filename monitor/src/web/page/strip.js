@@ -49,6 +49,7 @@ export class Strip {
   #session;
   #surface;
   #axis = null;
+  #mean = null;
   #series = [];
   #shown = "";
   #low = new Float32Array(0);
@@ -97,22 +98,17 @@ export class Strip {
     this.#shown = "";
     this.legend.replaceChildren(
       ...this.#series.map((series) => {
-        const item = document.createElement("li");
         const swatch = document.createElement("i");
         swatch.style.background = `var(--${series.colour})`;
-        const name = document.createElement("span");
-        name.textContent = series.label;
         series.output = document.createElement("output");
-        item.append(swatch, name, series.output);
-        return item;
+        return entry(swatch, series.label, series.output);
       }),
     );
     const note = this.#definition.note?.(scenario);
-    if (note) {
-      const item = document.createElement("li");
-      item.className = "note";
-      item.textContent = note;
-      this.legend.append(item);
+    if (note) this.legend.append(entry(note));
+    if (this.#definition.rms) {
+      this.#mean = document.createElement("output");
+      this.legend.append(entry("rms in view", this.#mean));
     }
   }
 
@@ -128,9 +124,11 @@ export class Strip {
     for (const series of this.#series) {
       const bin = store.nearest(series.name, view.instant, reach);
       const value = bin && (Math.abs(bin.max) >= Math.abs(bin.min) ? bin.max : bin.min) * series.factor;
-      const text = quantity(value, this.#definition.unit);
-      if (series.output.textContent !== text) series.output.textContent = text;
+      write(series.output, quantity(value, this.#definition.unit));
     }
+    if (!this.#mean) return;
+    const rms = store.rms(this.#definition.rms, view.end - view.range, view.end);
+    write(this.#mean, quantity(rms, this.#definition.unit));
   }
 
   /** Draws, if there is anything new to see. */
@@ -287,6 +285,17 @@ export class Strip {
     }
     context.stroke();
   }
+}
+
+/** An entry of the legend that belongs to no line. */
+function entry(...parts) {
+  const item = document.createElement("li");
+  item.append(...parts);
+  return item;
+}
+
+function write(output, text) {
+  if (output.textContent !== text) output.textContent = text;
 }
 
 /** Vertical lines where the loop was changed, or was not although somebody wished it. */
