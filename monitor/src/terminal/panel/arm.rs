@@ -127,8 +127,9 @@ fn draw_points(picture: &Picture, frame: &Frame, arm: &[Point], area: Rect, buf:
 /// What the points mean, and how long a metre is.
 fn draw_legend(picture: &Picture, frame: &Frame, area: Rect, buf: &mut Buffer) {
     let room = f64::from(area.width) / 4.0;
-    let lengths = (-3..4).flat_map(|power| [1.0, 2.0, 5.0].map(|digit| digit * 10f64.powi(power)));
-    let Some(length) = lengths.filter(|length| frame.columns(*length) <= room).last() else {
+    let mut lengths =
+        (-3..4).flat_map(|power| [1.0, 2.0, 5.0].map(|digit| digit * 10f64.powi(power)));
+    let Some(length) = lengths.rfind(|length| frame.columns(*length) <= room) else {
         return;
     };
     let dashes = (frame.columns(length).round() as usize).saturating_sub(2);
