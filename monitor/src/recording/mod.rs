@@ -23,9 +23,11 @@ mod timeline;
 mod topic;
 
 pub use self::{
+    json::write as write_json,
     player::Player,
     reading::{Recorded, Recording},
     recorder::Recorder,
-    schema::unit,
+    schema::{schema, unit},
+    timeline::Timeline,
     topic::{TOPICS, Topic, fields, header},
 };

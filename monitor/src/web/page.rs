@@ -15,6 +15,26 @@ macro_rules! files {
 
 files! {
     "index.html"
+    "alarm.js"
+    "arm.js"
+    "axis.js"
+    "canvas.js"
+    "charts.js"
+    "export.js"
+    "gestures.js"
+    "histogram.js"
+    "icon.svg"
+    "knobs.js"
+    "live.js"
+    "main.js"
+    "page.css"
+    "palette.js"
+    "roles.js"
+    "ruler.js"
+    "store.js"
+    "strip.js"
+    "token.js"
+    "view.js"
 }
 
 /// A route for each of the page's files.

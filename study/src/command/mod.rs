@@ -11,6 +11,7 @@ pub mod scenario;
 pub mod study;
 pub mod tune;
 pub mod up;
+pub mod which;
 
 use std::{fmt, io};
 

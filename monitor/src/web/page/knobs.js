@@ -1,0 +1,285 @@
+// The knobs of the running loop. A control shows the value in effect; while a change is on its way it
+// shows the value wished for, marked as such; and if it is refused, why.
+
+import { forgetToken, token } from "./token.js";
+
+/** At most so often a slider that is dragged sends, ms. */
+const THROTTLE = 200;
+/** How long to wait for the scenario after a change was accepted before showing it as it is, ms. */
+const SETTLE = 3_000;
+/** How long the monitor may take to answer, ms. */
+const PATIENCE = 15_000;
+
+/** Latencies a slider stops at, ms: fine near zero, where they matter most. */
+const LATENCIES = [
+  ...Array.from({ length: 20 }, (_, i) => i * 0.05),
+  ...Array.from({ length: 16 }, (_, i) => 1 + i * 0.25),
+  ...Array.from({ length: 16 }, (_, i) => 5 + i),
+].map((ms) => Number(ms.toFixed(2)));
+
+/** "10 ms" as milliseconds; null if it is no duration. */
+export function milliseconds(text) {
+  const [, number, unit] = /^\s*([\d.eE+-]+)\s*(ns|us|µs|ms|s|min)\s*$/.exec(text ?? "") ?? [];
+  const factor = { ns: 1e-6, us: 1e-3, "µs": 1e-3, ms: 1, s: 1e3, min: 6e4 }[unit];
+  return factor === undefined || Number.isNaN(Number(number)) ? null : Number((Number(number) * factor).toPrecision(9));
+}
+
+/** A number or a list, as one types it and as TOML has it. */
+function list(text) {
+  const parts = text.replace(/[[\]]/g, " ").split(/[\s,;]+/).filter(Boolean);
+  return parts.length > 1 ? `[${parts.join(", ")}]` : (parts[0] ?? "");
+}
+
+/** How each kind of control shows a value of the scenario and writes what was typed for `--set`. */
+const FORMS = {
+  choice: { show: (value) => value ?? "none", write: (text) => text },
+  list: { show: (value) => [...new Set([value ?? []].flat())].length === 1 ? String([value].flat()[0]) : [value ?? []].flat().join(", "), write: list },
+  number: { show: (value) => (value == null ? "" : String(value)), write: (text) => text.trim().replace(",", ".") },
+  duration: {
+    show: (value) => value ?? "",
+    // A bare number is meant in ms.
+    write: (text) => (/[a-zµ]\s*$/.test(text) ? text.replace(/\s+/g, "") : `${text.trim().replace(",", ".")}ms`),
+  },
+  latency: { show: (value) => String(milliseconds(value) ?? 0), write: (text) => `${text.trim().replace(",", ".")}ms` },
+};
+
+/** One key of the scenario and its control. */
+class Knob {
+  #element;
+  #form;
+  #send;
+  #inputs;
+  #slider;
+  #refusal;
+  #value = null;
+  #edited = false;
+  #pending = 0;
+  #awaited = false;
+
+  constructor(element, send) {
+    this.key = element.dataset.key;
+    this.#element = element;
+    this.#form = FORMS[element.dataset.form];
+    this.#send = send;
+    this.#slider = element.querySelector("input[type=range]");
+    this.#inputs = [...element.querySelectorAll("input:not([type=range])")];
+    this.#refusal = document.createElement("p");
+    this.#refusal.className = "refusal";
+    this.#refusal.id = `refusal-${this.key.replaceAll(".", "-")}`;
+    this.#refusal.setAttribute("role", "status");
+    element.append(this.#refusal);
+    this.#inputs.forEach((input) => this.#attach(input));
+    if (this.#slider) this.#attachSlider();
+  }
+
+  #attach(input) {
+    if (input.type === "radio") {
+      input.addEventListener("change", () => this.wish(input.value));
+      return;
+    }
+    input.addEventListener("input", () => (this.#edited = true));
+    input.addEventListener("change", () => this.#edited && this.wish(input.value));
+    input.addEventListener("keydown", (event) => {
+      if (event.key !== "Escape") return;
+      this.#settle();
+    });
+  }
+
+  #attachSlider() {
+    const slider = this.#slider;
+    slider.max = LATENCIES.length - 1;
+    let [next, timer, last] = [null, null, -Infinity];
+    const send = () => {
+      timer = null;
+      if (next === null) return;
+      last = performance.now();
+      const value = next;
+      next = null;
+      this.wish(String(value));
+    };
+    slider.addEventListener("input", () => {
+      next = LATENCIES[slider.valueAsNumber];
+      this.#edited = true;
+      this.#inputs[0].value = next;
+      this.#describe(next);
+      timer ??= setTimeout(send, Math.max(0, THROTTLE - (performance.now() - last)));
+    });
+  }
+
+  #describe(value) {
+    this.#slider.setAttribute("aria-valuetext", `${value} ms`);
+  }
+
+  /** Asks for a value, as it was typed. */
+  async wish(text) {
+    this.#edited = false;
+    if (text.trim() === "") return this.#settle();
+    this.#element.classList.add("pending");
+    this.#refuse("");
+    this.#pending += 1;
+    this.#awaited = true;
+    const answer = await this.#send({ set: [`${this.key}=${this.#form.write(text)}`] });
+    this.#pending -= 1;
+    if (this.#pending > 0) return;
+    if (answer.accepted && this.#awaited) {
+      setTimeout(() => this.#show(), SETTLE);
+      return;
+    }
+    this.#show();
+    if (!answer.accepted) this.#refuse(answer.reason);
+  }
+
+  /** Shows the value in effect, unless somebody is at it or waits for another. */
+  #show() {
+    if (this.#pending === 0 && !this.#edited) this.#settle();
+  }
+
+  /** Takes the value in effect. */
+  adopt(value) {
+    if (String(value) !== String(this.#value)) this.#refuse("");
+    this.#value = value;
+    this.#awaited = false;
+    this.#show();
+  }
+
+  #settle() {
+    this.#edited = false;
+    this.#element.classList.remove("pending");
+    const text = this.#form.show(this.#value);
+    for (const input of this.#inputs) {
+      if (input.type === "radio") input.checked = input.value === text;
+      else input.value = text;
+    }
+    if (!this.#slider) return;
+    const ms = Number(text);
+    const distance = (i) => Math.abs(LATENCIES[i] - ms);
+    this.#slider.value = LATENCIES.reduce((best, _, i) => (distance(i) < distance(best) ? i : best), 0);
+    this.#describe(ms);
+  }
+
+  #refuse(reason) {
+    this.#refusal.textContent = reason;
+    this.#element.classList.toggle("refused", reason !== "");
+    for (const input of this.#inputs) {
+      if (reason !== "") {
+        input.setAttribute("aria-invalid", "true");
+        input.setAttribute("aria-describedby", this.#refusal.id);
+      } else {
+        input.removeAttribute("aria-invalid");
+        input.removeAttribute("aria-describedby");
+      }
+    }
+  }
+}
+
+/** The whole panel. */
+export class Knobs {
+  #panel;
+  #controls;
+  #lock;
+  #status;
+  #knobs;
+  #token = token();
+  #readOnly = false;
+  #paused = null;
+
+  constructor(panel) {
+    this.#panel = panel;
+    this.#controls = panel.querySelector("fieldset.all");
+    this.#lock = panel.querySelector("#knobs-locked");
+    this.#status = panel.querySelector("#knobs-status");
+    this.#knobs = [...panel.querySelectorAll("[data-key]")].map((element) => new Knob(element, (knob) => this.post(knob)));
+    panel.addEventListener("submit", (event) => event.preventDefault());
+    for (const button of panel.querySelectorAll("button[data-set]")) {
+      button.addEventListener("click", () => this.#press(button, { set: button.dataset.set.split(" ") }));
+    }
+    for (const button of panel.querySelectorAll("button[data-do]")) {
+      button.addEventListener("click", () => this.#press(button, this.#deed(button.dataset.do)));
+    }
+    this.#showLock();
+  }
+
+  #deed(name) {
+    if (name === "pause") return this.#paused ? "resume" : "pause";
+    if (name !== "kick") return name;
+    const field = (id) => this.#panel.querySelector(`#${id}`);
+    const torque = Array(field("kick-joint").options.length).fill(0);
+    torque[field("kick-joint").selectedIndex] = field("kick-torque").valueAsNumber || 0;
+    return { kick: { torque, milliseconds: field("kick-duration").valueAsNumber || 0 } };
+  }
+
+  async #press(button, knob) {
+    button.classList.add("pending");
+    const answer = await this.post(knob);
+    button.classList.remove("pending");
+    this.#status.textContent = answer.accepted ? "" : answer.reason;
+    this.#status.hidden = answer.accepted;
+  }
+
+  /** Takes what the monitor says of itself. */
+  greet(hello) {
+    this.#readOnly = hello.read_only;
+    this.#showLock();
+  }
+
+  /** Takes the values in effect. */
+  adopt(scenario) {
+    for (const knob of this.#knobs) knob.adopt(scenario.knobs[knob.key]);
+    const joint = this.#panel.querySelector("#kick-joint");
+    if (joint.options.length !== scenario.joints) {
+      joint.replaceChildren(...Array.from({ length: scenario.joints }, (_, i) => new Option(`joint ${i + 1}`)));
+    }
+    for (const element of this.#panel.querySelectorAll("[data-only]")) {
+      element.hidden = element.dataset.only !== scenario.knobs["law.kind"];
+    }
+    for (const button of this.#panel.querySelectorAll("button[data-set]")) {
+      const holds = button.dataset.set.split(" ").every((set) => isInEffect(set, scenario.knobs));
+      button.setAttribute("aria-pressed", holds);
+    }
+  }
+
+  /** Takes where the run is. */
+  hear(phase) {
+    const paused = phase === "paused";
+    if (paused === this.#paused) return;
+    this.#paused = paused;
+    this.#panel.querySelector("button[data-do=pause]").textContent = paused ? "Resume run" : "Pause run";
+  }
+
+  /** Asks the plant for a change; always has an answer. */
+  async post(knob) {
+    try {
+      const response = await fetch("/knob", {
+        method: "POST",
+        headers: { "Content-Type": "application/json", Authorization: `Bearer ${this.#token}` },
+        body: JSON.stringify(knob),
+        signal: AbortSignal.timeout(PATIENCE),
+      });
+      const answer = await response.json().catch(() => ({}));
+      if (response.status === 401) {
+        forgetToken();
+        this.#token = null;
+        this.#showLock("The token was refused: a monitor has another one each time it starts.");
+      }
+      const accepted = response.ok && answer.accepted === true;
+      return { accepted, reason: answer.reason ?? `the monitor answered ${response.status}` };
+    } catch {
+      return { accepted: false, reason: "the monitor does not answer" };
+    }
+  }
+
+  #showLock(refused = "") {
+    const locked = this.#readOnly || !this.#token;
+    this.#controls.disabled = locked;
+    this.#lock.hidden = !locked;
+    const how = "To turn knobs, open the address with “#token=…” that the monitor printed when it started.";
+    this.#lock.textContent = this.#readOnly ? "This monitor was started with --read-only: no knobs can be turned." : `${refused} ${how}`.trim();
+  }
+}
+
+/** Whether `key=value` is what the scenario has. */
+function isInEffect(set, knobs) {
+  const [key, value] = set.split("=");
+  const now = knobs[key] ?? "none";
+  return String(now) === value || (milliseconds(value) !== null && milliseconds(String(now)) === milliseconds(value));
+}

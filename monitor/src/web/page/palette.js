@@ -1,0 +1,52 @@
+// The colours of the canvases, as the style sheet has them for the theme in effect.
+
+const ORDER = ["auto", "light", "dark"];
+
+/** Reads the style sheet's colours anew whenever the theme changes, and then says "change". */
+export class Palette extends EventTarget {
+  #colours = new Map();
+
+  constructor() {
+    super();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#refresh());
+  }
+
+  /** A colour by its name in the style sheet, without the dashes. */
+  colour(name) {
+    let colour = this.#colours.get(name);
+    if (colour === undefined) {
+      colour = getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+      this.#colours.set(name, colour);
+    }
+    return colour;
+  }
+
+  /** The font of the canvases, in so many CSS pixels. */
+  font(size, weight = 400) {
+    return `${weight} ${size}px ${this.colour("font")}`;
+  }
+
+  /** Makes a button step through the system's theme, light and dark; the choice is kept. */
+  attach(button) {
+    const show = (theme) => {
+      if (theme === "auto") delete document.documentElement.dataset.theme;
+      else document.documentElement.dataset.theme = theme;
+      button.dataset.theme = theme;
+      button.textContent = `Theme: ${theme}`;
+      this.#refresh();
+    };
+    let theme = localStorage.getItem("mtj.theme");
+    if (!ORDER.includes(theme)) theme = "auto";
+    show(theme);
+    button.addEventListener("click", () => {
+      theme = ORDER[(ORDER.indexOf(theme) + 1) % ORDER.length];
+      localStorage.setItem("mtj.theme", theme);
+      show(theme);
+    });
+  }
+
+  #refresh() {
+    this.#colours.clear();
+    this.dispatchEvent(new Event("change"));
+  }
+}

@@ -1,0 +1,91 @@
+// Who takes part, and what was counted.
+
+import { span } from "./axis.js";
+
+const TITLES = { plant: "Plant", controller: "Controller", monitor: "Monitor" };
+
+/** The cards of plant, controller and monitor. */
+export class Roles {
+  #cards = new Map();
+  #session = {};
+
+  constructor(list) {
+    for (const [role, title] of Object.entries(TITLES)) {
+      const card = document.createElement("li");
+      card.dataset.role = role;
+      const heading = document.createElement("strong");
+      heading.textContent = title;
+      const state = document.createElement("span");
+      state.className = "state";
+      const details = document.createElement("span");
+      details.className = "details";
+      card.append(heading, state, details);
+      list.append(card);
+      this.#cards.set(role, { card, state, details });
+    }
+    this.#show("plant", "absent", "not heard yet");
+    this.#show("controller", "absent", "not heard yet");
+    this.#show("monitor", "absent", "");
+  }
+
+  /** Takes what the monitor says of itself. */
+  greet(hello) {
+    this.#session = hello;
+  }
+
+  /** Takes what is known of the roles now. */
+  hear(now) {
+    for (const role of now.roles) {
+      const about = [];
+      if (role.role === "controller" && now.law) about.push(`law ${now.law}`);
+      if (role.since_s != null && role.state === "connected") about.push(`for ${span(role.since_s)}`);
+      if (role.host) about.push(`${role.host} · process ${role.process}`);
+      if (role.heard_s != null) about.push(role.heard_s < 1 ? "heard just now" : `heard ${span(role.heard_s)} ago`);
+      this.#show(role.role, role.state, about.join(" · ") || "not heard yet");
+    }
+    const { session, bus, version } = this.#session;
+    const others = now.dashboards === 1 ? "this dashboard" : `${now.dashboards} dashboards`;
+    this.#show("monitor", "connected", `session ${session} over ${bus} · ${others} · mtj ${version}`);
+  }
+
+  /** The monitor itself does not answer. */
+  lose() {
+    this.#show("monitor", "silent", "trying to reach it");
+  }
+
+  #show(role, state, details) {
+    const card = this.#cards.get(role);
+    if (!card) return;
+    card.card.dataset.state = state;
+    if (card.state.textContent !== state) card.state.textContent = state;
+    if (card.details.textContent !== details) card.details.textContent = details;
+  }
+}
+
+/** Counts of the run, and how many of them fall into the view. */
+export class Counts {
+  #cells;
+  #session;
+
+  constructor(list, session) {
+    this.#session = session;
+    this.#cells = [...list.querySelectorAll("[data-count]")];
+  }
+
+  hear(now) {
+    const { store, view } = this.#session;
+    for (const cell of this.#cells) {
+      const name = cell.dataset.count;
+      const parts = name.split(" ").map((part) => now.counts?.[part]);
+      const count = parts[0] == null ? null : parts.reduce((sum, part) => sum + (part ?? 0), 0);
+      const inView = cell.dataset.series && store.extent(cell.dataset.series, view.end - view.range, view.end);
+      const more = inView ? Math.round(inView.max - inView.min) : 0;
+      const text = count == null ? "–" : count.toLocaleString("en").replaceAll(",", "\u202f");
+      const [number, recent] = cell.querySelectorAll("b, small");
+      if (number.textContent !== text) number.textContent = text;
+      if (recent) recent.textContent = more > 0 ? `+${more}` : "";
+      cell.classList.toggle("some", more > 0);
+      if (inView) cell.title = more > 0 ? `${more} of them in view` : "";
+    }
+  }
+}
