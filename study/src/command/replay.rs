@@ -55,11 +55,11 @@ fn speed(text: &str) -> Result<f64, String> {
 impl Replay {
     /// Prints what differs, or plays until asked to stop.
     pub fn run(self) -> Result<(), Failure> {
+        let set = self.set.iter().map(|text| text.parse()).collect::<Result<Vec<Override>, _>>()?;
         let mut recording = Recording::open(&self.recording).map_err(Failure::bad_input)?;
         if self.serve.is_some() {
             return self.play(recording);
         }
-        let set = self.set.iter().map(|text| text.parse()).collect::<Result<Vec<Override>, _>>()?;
         let findings = replay::replay(&mut recording, &set).map_err(Failure::bad_input)?;
         let mut out = io::stdout().lock();
         if self.json {

@@ -70,7 +70,7 @@ impl Instant {
     /// The instant a sample is about.
     pub fn of(header: &Header) -> Self {
         let Header { run, sequence, time_ns, .. } = *header;
-        Self { run, sequence, time_s: time_ns as f64 * 1e-9 }
+        Self { run, sequence, time_s: time_ns as f64 / 1e9 }
     }
 }
 
