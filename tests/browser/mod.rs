@@ -134,13 +134,11 @@ impl Browser {
         fs::write(file, base64(picture["data"].as_str().unwrap())).unwrap();
     }
 
-    /// What the console of the page was told since the last call, except for mere information.
+    /// The errors that the console of the page was told since the last call.
     pub fn complaints(&self) -> Vec<String> {
         let entries = self.post("/se/log", &json!({ "type": "browser" }));
-        let entries = entries.as_array().unwrap().iter();
-        let serious =
-            entries.filter(|entry| entry["level"] == "SEVERE" || entry["level"] == "WARNING");
-        serious.map(|entry| entry["message"].as_str().unwrap().to_owned()).collect()
+        let errors = entries.as_array().unwrap().iter().filter(|entry| entry["level"] == "SEVERE");
+        errors.map(|entry| entry["message"].as_str().unwrap().to_owned()).collect()
     }
 
     fn command(&self, name: &str, parameters: &Value) -> Value {
