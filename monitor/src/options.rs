@@ -9,6 +9,9 @@ use crate::{
     web::{Place, WebOptions},
 };
 
+/// What a monitor that was started by another process says, on standard error, when it listens.
+pub const LISTENING: &str = "mtj monitor: listening";
+
 /// Run a monitor alone: it prints one line a second, and serves a dashboard with --web
 #[derive(Args, Clone, Debug)]
 pub struct MonitorOptions {
@@ -32,6 +35,10 @@ impl MonitorOptions {
             let settings = settings.map_err(|error| BusError::Settings(error.to_string()))?;
             reception.join(&bus, &Place::from(&settings), &mut audience)?;
         }
-        monitor::attend(&mut Live::open(&bus)?, &mut audience, &|| shutdown.proceed())
+        let mut source = Live::open(&bus)?;
+        if self.role.until_stdin_closes {
+            eprintln!("{LISTENING}");
+        }
+        monitor::attend(&mut source, &mut audience, &|| shutdown.proceed())
     }
 }

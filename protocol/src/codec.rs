@@ -61,7 +61,10 @@ fn exactly<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sample::{ErrorSample, Header, StateSample, StatusSample, TorqueSample};
+    use crate::sample::{
+        ChangeSample, ErrorSample, Header, PresenceSample, RequestSample, StateSample,
+        StatusSample, TorqueSample, text,
+    };
 
     fn check<S: Sample + PartialEq>(sample: S) {
         let mut buffer = [0; LARGEST_SAMPLE];
@@ -92,6 +95,9 @@ mod tests {
         check(TorqueSample { header, torque: [-1.5; 7], force: [2.5; 6], ..Default::default() });
         check(ErrorSample { header, error: [1e-9; 6], ..Default::default() });
         check(StatusSample { header, phase: 2, lost: u64::MAX, ..Default::default() });
+        check(RequestSample { header, text: text("law.kp=31"), ..Default::default() });
+        check(ChangeSample { header, request: 5, text: [[7; 32]; 12], ..Default::default() });
+        check(PresenceSample { header, host: text("arm-7"), ..Default::default() });
     }
 
     #[test]
@@ -113,6 +119,20 @@ mod tests {
         assert_eq!(bytes[32..40], 4u64.to_le_bytes());
         assert_eq!(bytes[40..48], 5u64.to_le_bytes());
         assert_eq!(bytes[72..80], 1.5f64.to_le_bytes());
+        let page = include_str!("../../docs/wire.md");
+        for (sample, size) in [
+            ("state", size_of::<StateSample>()),
+            ("torque", size_of::<TorqueSample>()),
+            ("error", size_of::<ErrorSample>()),
+            ("status", size_of::<StatusSample>()),
+            ("request", size_of::<RequestSample>()),
+            ("change", size_of::<ChangeSample>()),
+            ("presence", size_of::<PresenceSample>()),
+        ] {
+            let title =
+                page.lines().find(|line| line.starts_with(&format!("## {sample} "))).unwrap();
+            assert!(title.ends_with(&format!(", {size} bytes")), "{title}");
+        }
     }
 
     #[test]

@@ -9,11 +9,13 @@ use std::{
 };
 
 use mtj_model::scenario::{BusKind, Scenario};
+use mtj_monitor::options::LISTENING;
 use mtj_plant::{options::ScenarioOptions, report::Report};
 use mtj_protocol::shutdown::Shutdown;
 use tokio::{
-    io::AsyncReadExt,
-    process::{Child, ChildStdin, Command},
+    io::{AsyncBufReadExt, AsyncReadExt, BufReader},
+    process::{Child, ChildStderr, ChildStdin, Command},
+    sync::oneshot,
     time::{sleep, timeout},
 };
 
@@ -72,8 +74,8 @@ pub struct Launch {
     pub options: ScenarioOptions,
     /// Where the plant writes its trace.
     pub trace: Option<std::path::PathBuf>,
-    /// Whether a monitor shows the run on standard output.
-    pub monitor: bool,
+    /// The arguments of the monitor that shows the run, if one does.
+    pub monitor: Option<Vec<String>>,
 }
 
 impl Launch {
@@ -98,11 +100,15 @@ impl Launch {
     pub async fn run(&self, scenario: &Scenario) -> Result<Report, LaunchError> {
         let others = self.other_arguments(scenario);
         let mut plant = self.spawn("plant", &self.plant_arguments(), Stdio::piped())?;
-        let mut controller = self.spawn("controller", &others, Stdio::null())?;
-        let mut monitor = match self.monitor {
-            true => Some(self.spawn("monitor", &others, Stdio::inherit())?),
-            false => None,
+        let mut monitor = match &self.monitor {
+            Some(arguments) => {
+                let all = [&others[..], &arguments[..]].concat();
+                Some(self.spawn_monitor(&all).await?)
+            }
+            None => None,
         };
+        // Last, because the run begins with it: a recorder is to hear the first sample.
+        let mut controller = self.spawn("controller", &others, Stdio::null())?;
         let mut output = String::new();
         let mut results = plant.process.stdout.take().ok_or(LaunchError::NoReport)?;
         // Read by one future from first to last: one that is dropped loses what it has read.
@@ -166,6 +172,20 @@ impl Launch {
         Ok(RoleProcess { process, leash })
     }
 
+    /// Starts a monitor and waits until it listens, as long as it lives, for a bounded time.
+    async fn spawn_monitor(&self, arguments: &[String]) -> io::Result<RoleProcess> {
+        let mut command = role_command("monitor", arguments, Stdio::inherit())?;
+        command.stderr(Stdio::piped());
+        let mut process = Command::from(command).kill_on_drop(true).spawn()?;
+        let leash = process.stdin.take();
+        if let Some(stderr) = process.stderr.take() {
+            let (listens, is_listening) = oneshot::channel();
+            tokio::spawn(pass_on(stderr, listens));
+            let _ = timeout(GRACE, is_listening).await;
+        }
+        Ok(RoleProcess { process, leash })
+    }
+
     /// The command that starts a controller for this launch.
     pub fn controller_command(&self, scenario: &Scenario) -> io::Result<std::process::Command> {
         role_command("controller", &self.other_arguments(scenario), Stdio::null())
@@ -201,6 +221,19 @@ impl RoleProcess {
                 self.process.kill().await?;
                 Ok(None)
             }
+        }
+    }
+}
+
+/// Passes on what a monitor has to say on standard error, and says when it listens.
+async fn pass_on(stderr: ChildStderr, listens: oneshot::Sender<()>) {
+    let mut listens = Some(listens);
+    let mut lines = BufReader::new(stderr).lines();
+    while let Ok(Some(line)) = lines.next_line().await {
+        if line == LISTENING {
+            listens.take().map(|listens| listens.send(()));
+        } else {
+            eprintln!("{line}");
         }
     }
 }

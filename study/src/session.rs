@@ -31,7 +31,7 @@ impl Session {
         options: ScenarioOptions,
         proceed: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, Failure> {
-        let launch = Launch { trace: None, monitor: false, options };
+        let launch = Launch { trace: None, monitor: None, options };
         let named = launch.options.load()?;
         let launch = launch.separate(&named)?;
         let scenario = launch.options.load()?;

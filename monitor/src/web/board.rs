@@ -27,6 +27,8 @@ const STEP: u64 = 500;
 const MARKS: usize = 200;
 /// How many runs are remembered for telling stragglers.
 const RUNS: usize = 16;
+/// How many samples are kept until the scenario is known that they are about.
+const EARLY: usize = 16_384;
 
 /// The board.
 #[derive(Default)]
@@ -41,6 +43,8 @@ pub struct Board {
     marked: u64,
     run: Option<u64>,
     past: VecDeque<u64>,
+    /// What was heard of the run before its scenario was: the scenario is fetched, samples come.
+    early: Vec<Message>,
     /// The newest state's bin.
     state: u64,
     /// The newest bin of all.
@@ -60,6 +64,24 @@ pub struct Cursor {
     revision: u32,
     marks: u64,
     bin: u64,
+}
+
+impl Cursor {
+    /// Of a page that was here before and says what it has: `run=<run>&since=<s>`, the beginning of
+    /// its newest bin.
+    pub fn of_query(query: &str) -> Option<Self> {
+        let value =
+            |key: &str| query.split('&').find_map(|pair| pair.strip_prefix(key)?.strip_prefix('='));
+        let since: f64 = value("since")?.parse().ok()?;
+        let bin = (since * 1e9 / WIDTH_NS as f64).round();
+        // It may have missed a change, so it gets the scenario and the marks.
+        (bin >= 0.0).then_some(Self {
+            run: Some(value("run")?.parse().ok()?),
+            revision: u32::MAX,
+            bin: (bin as u64).saturating_add(1),
+            ..Self::default()
+        })
+    }
 }
 
 /// What somebody does not know yet.
@@ -98,6 +120,9 @@ impl Board {
             Message::Scenario(offered) => {
                 self.begin(offered.run);
                 self.readings.follow(offered);
+                for early in std::mem::take(&mut self.early) {
+                    self.plot(&early);
+                }
             }
             Message::State(state) => {
                 self.begin(state.header.run);
@@ -127,6 +152,7 @@ impl Board {
         }
         self.readings = Readings::default();
         self.history = History::default();
+        self.early.clear();
         self.marks.clear();
         self.marked = 0;
         (self.state, self.newest) = (0, 0);
@@ -150,6 +176,9 @@ impl Board {
         let Some((run, time_ns)) = run_and_time(message).filter(|_| is_sample) else { return };
         if self.run != Some(run) {
             return;
+        }
+        if !self.readings.has_scenario() && self.early.len() < EARLY {
+            return self.early.push(message.clone());
         }
         let place = time_ns / WIDTH_NS;
         self.newest = self.newest.max(place);
@@ -269,4 +298,198 @@ fn run_and_time(message: &Message) -> Option<(u64, u64)> {
         Message::Presence(_) | Message::Request(_) => return None,
     };
     Some((header.run, header.time_ns))
+}
+
+#[cfg(test)]
+mod tests {
+    use mtj_model::scenario::Scenario;
+    use mtj_protocol::sample::{Header, StateSample, StatusSample, TorqueSample, VERSION, padded};
+
+    use super::*;
+    use crate::web::series::Series;
+
+    const MS: u64 = 1_000_000;
+
+    fn header(run: u64, time_ns: u64) -> Header {
+        let sequence = time_ns / MS;
+        Header { version: VERSION, joints: 2, axes: 2, revision: 0, run, sequence, time_ns }
+    }
+
+    fn scenario(run: u64, revision: u32) -> Message {
+        let scenario = Scenario::load("sampled/mtj", &[]).unwrap();
+        Message::Scenario(Arc::new(Offered { run, revision, scenario }))
+    }
+
+    fn state(run: u64, time_ns: u64) -> Message {
+        Message::State(StateSample { header: header(run, time_ns), ..Default::default() })
+    }
+
+    fn torque(run: u64, time_ns: u64, torque: f64) -> Message {
+        let header = header(run, time_ns);
+        Message::Torque(TorqueSample { header, torque: padded(&[torque]), ..Default::default() })
+    }
+
+    fn status(run: u64, time_ns: u64, phase: u64) -> Message {
+        Message::Status(StatusSample { header: header(run, time_ns), phase, ..Default::default() })
+    }
+
+    fn change(run: u64, request: u64) -> Message {
+        let header = header(run, 5 * MS);
+        Message::Change(ChangeSample { header, request, accepted: 1, ..Default::default() })
+    }
+
+    /// A board of run 1 that has heard its scenario and states of so many milliseconds.
+    fn board(milliseconds: u64) -> Board {
+        let mut board = Board::default();
+        board.hear(&scenario(1, 0));
+        for k in 0..milliseconds {
+            board.hear(&state(1, k * MS));
+        }
+        board
+    }
+
+    fn places(news: &News) -> Vec<u64> {
+        news.bins.iter().map(|bin| bin.place).collect()
+    }
+
+    #[test]
+    fn steps_and_history_hold_the_same_bins_each_once() {
+        let mut board = board(0);
+        let (mut by_steps, mut lazy, mut by_looking) = (Vec::new(), Cursor::default(), Vec::new());
+        for k in 0..3000 {
+            board.hear(&state(1, k * MS));
+            // Torques come while states go on, well within the time of settling.
+            if let Some(k) = k.checked_sub(30) {
+                board.hear(&torque(1, k * MS, k as f64));
+            }
+            if k % 50 == 49 {
+                let step = board.publish();
+                let news = board.news_of(&step);
+                assert_eq!((news.cursor, news.is_all), (step.after, true));
+                by_steps.extend(news.bins);
+            }
+            if k % 700 == 699 {
+                loop {
+                    let news = board.news(&lazy, 20);
+                    assert!(news.bins.len() <= 20);
+                    lazy = news.cursor;
+                    by_looking.extend(news.bins);
+                    if news.is_all {
+                        break;
+                    }
+                }
+            }
+        }
+        let step = board.publish();
+        by_steps.extend(board.news_of(&step).bins);
+        by_looking.extend(board.news(&lazy, usize::MAX).bins);
+        for bins in [&by_steps, &by_looking] {
+            let places: Vec<u64> = bins.iter().map(|bin| bin.place).collect();
+            assert_eq!(places, (0..294).collect::<Vec<_>>());
+            for bin in bins.iter() {
+                let torque = bin.ranges[Series::Torque as usize];
+                let first = 10.0 * bin.place as f32;
+                assert_eq!((torque.min, torque.max), (first, first + 9.0), "bin {}", bin.place);
+            }
+        }
+        assert_eq!(board.late(), 0);
+        board.hear(&torque(1, 7 * MS, 0.0));
+        assert_eq!(board.late(), 1, "what comes too late is counted");
+    }
+
+    #[test]
+    fn a_fast_run_is_merged_into_whole_groups_that_do_not_overlap() {
+        let mut board = board(0);
+        let (mut next, mut total) = (0, 0);
+        for round in 0..20 {
+            for k in 0..1777 {
+                board.hear(&state(1, (round * 1777 + k) * 10 * MS));
+            }
+            let step = board.publish();
+            let news = board.news_of(&step);
+            assert!(news.bins.len() <= 500 && news.span >= 3, "{} {}", news.bins.len(), news.span);
+            for place in places(&news) {
+                assert_eq!(place, next);
+                next = place + news.span;
+            }
+            total += news.bins.len();
+        }
+        assert!(total > 20 * 400);
+        assert!(next > 20 * 1777 - 20, "{next}");
+    }
+
+    #[test]
+    fn what_a_loop_did_last_is_shown_though_nothing_follows() {
+        let mut board = board(1000);
+        board.hear(&status(1, 999 * MS, 3));
+        let last = |board: &mut Board| {
+            (0..20).for_each(|_| drop(board.publish()));
+            *places(&board.news(&Cursor::default(), usize::MAX)).last().unwrap()
+        };
+        assert_eq!(last(&mut board), 98, "a pause may go on in the bin it began in");
+        board.hear(&status(1, 999 * MS, 2));
+        assert_eq!(last(&mut board), 99);
+        assert_eq!(board.late(), 0);
+    }
+
+    #[test]
+    fn another_run_begins_anew_and_stragglers_do_not_bring_the_last_one_back() {
+        let mut board = board(1000);
+        board.hear(&change(1, 77));
+        board.publish();
+        let known = board.news(&Cursor::default(), usize::MAX).cursor;
+        board.hear(&state(2, 0));
+        board.hear(&status(1, 999 * MS, 1));
+        let step = board.publish();
+        let news = board.news_of(&step);
+        assert!(news.scenario.is_none() && news.bins.is_empty(), "its scenario is not known yet");
+        board.hear(&scenario(2, 0));
+        for k in 0..200 {
+            board.hear(&state(2, k * MS));
+            board.hear(&torque(1, (999 - k) * MS, 1e9));
+        }
+        board.publish();
+        for since in [known, Cursor::default()] {
+            let news = board.news(&since, usize::MAX);
+            assert_eq!(news.scenario.unwrap().run, 2);
+            assert_eq!(
+                news.bins.iter().map(|bin| bin.place).collect::<Vec<_>>(),
+                (0..14).collect::<Vec<_>>()
+            );
+            assert!(news.bins.iter().all(|bin| bin.ranges[Series::Torque as usize].is_empty()));
+            assert!(news.marks.is_empty());
+        }
+    }
+
+    #[test]
+    fn a_change_is_told_once_and_with_the_scenario_it_made() {
+        let mut board = board(100);
+        board.publish();
+        let known = board.news(&Cursor::default(), usize::MAX).cursor;
+        board.hear(&change(1, 77));
+        board.hear(&change(1, 77));
+        board.hear(&scenario(1, 1));
+        let step = board.publish();
+        for news in [board.news_of(&step), board.news(&known, usize::MAX)] {
+            assert_eq!(news.marks.len(), 1, "a plant that is asked twice answers twice");
+            assert_eq!(news.scenario.unwrap().revision, 1);
+        }
+        let step = board.publish();
+        let news = board.news_of(&step);
+        assert!(news.marks.is_empty() && news.scenario.is_none());
+    }
+
+    #[test]
+    fn whoever_comes_back_gets_what_is_new() {
+        let mut board = board(1000);
+        board.publish();
+        let back = Cursor::of_query("run=1&since=0.57").unwrap();
+        let news = board.news(&back, usize::MAX);
+        assert_eq!((places(&news)[0], news.scenario.unwrap().run), (58, 1));
+        let elsewhere = Cursor::of_query("since=0.57&run=18446744073709551615").unwrap();
+        assert_eq!(places(&board.news(&elsewhere, usize::MAX))[0], 0);
+        for nonsense in ["", "run=1", "run=x&since=1", "run=1&since=-1", "run=1&since=NaN"] {
+            assert_eq!(Cursor::of_query(nonsense), None, "{nonsense}");
+        }
+    }
 }

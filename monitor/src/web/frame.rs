@@ -78,7 +78,11 @@ fn path(trajectory: &Trajectory<f64>) -> Vec<[f64; 2]> {
     };
     // A circle that stands still has no period.
     let period = if period.is_finite() { period } else { 0.0 };
-    let at = |i: usize| trajectory.at(period * i as f64 / (POINTS - 1) as f64).position.into();
+    // To the micrometre: it is a line on a screen.
+    let at = |i: usize| {
+        let point = trajectory.at(period * i as f64 / (POINTS - 1) as f64).position;
+        point.map(|x| (x * 1e6).round() / 1e6).into()
+    };
     (0..POINTS).map(at).collect()
 }
 

@@ -87,9 +87,8 @@ impl Live {
     }
 
     /// Shows the board to a dashboard until it goes, or takes nothing for too long.
-    pub async fn show(&self, mut socket: WebSocket) {
+    pub async fn show(&self, mut socket: WebSocket, mut known: Cursor) {
         let mut frames = self.frames.subscribe();
-        let mut known = Cursor::default();
         if send(&mut socket, self.hello.clone()).await.is_err() {
             return;
         }
@@ -128,7 +127,7 @@ async fn follow(
         tokio::select! {
             frame = frames.recv() => match frame {
                 Ok(frame) if frame.step.after.publication <= known.publication => {}
-                Ok(frame) if frame.step.before == *known => {
+                Ok(frame) if frame.step.before.publication == known.publication => {
                     for message in &frame.messages {
                         send(socket, message.clone()).await?;
                     }

@@ -36,6 +36,7 @@ use mtj_protocol::{
     bus::{Bus, BusError},
     port::Message,
 };
+use socket2::SockRef;
 use tokio::sync::oneshot;
 
 use self::{
@@ -48,6 +49,9 @@ use crate::{
     desk::{Counter, Desk},
     monitor::Audience,
 };
+
+/// How much of what is sent to a dashboard may wait to be taken: a few seconds' worth.
+const SEND_BUFFER: usize = 128 * 1024;
 
 /// The dashboard's part of a command line.
 #[derive(Args, Clone, Debug, Default)]
@@ -147,6 +151,8 @@ impl Reception {
         let runtime =
             tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(failed)?;
         listener.set_nonblocking(true).map_err(failed)?;
+        // What a dashboard does not read must not pile up in the kernel either.
+        SockRef::from(&listener).set_send_buffer_size(SEND_BUFFER).map_err(failed)?;
         let listener = {
             let _entered = runtime.enter();
             tokio::net::TcpListener::from_std(listener).map_err(failed)?

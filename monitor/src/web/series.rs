@@ -107,6 +107,11 @@ impl Readings {
         self.geometry = Some((kinematics, offered.scenario.trajectory));
     }
 
+    /// Whether it is known what states are about.
+    pub fn has_scenario(&self) -> bool {
+        self.geometry.is_some()
+    }
+
     /// Hands over all numbers that a message holds, each with the place of its series.
     pub fn read(&mut self, message: &Message, put: &mut dyn FnMut(usize, f64)) {
         match message {

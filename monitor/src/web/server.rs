@@ -5,7 +5,7 @@ use std::{convert::Infallible, io::ErrorKind, sync::Arc, time::Duration};
 use axum::{
     Extension, Router,
     extract::{Request, State, WebSocketUpgrade},
-    http::{HeaderName, HeaderValue, StatusCode, header},
+    http::{HeaderName, HeaderValue, StatusCode, Uri, header},
     middleware::{self, Next},
     response::Response,
     routing::{get, post},
@@ -18,7 +18,7 @@ use tokio::{
     time::{sleep, timeout},
 };
 
-use super::{guard::Guard, knobs, live::Live, page};
+use super::{board::Cursor, guard::Guard, knobs, live::Live, page};
 use crate::desk::Counter;
 
 /// How many connections there may be at once.
@@ -88,11 +88,8 @@ async fn answer(stream: TcpStream, router: Router, room: Room) {
     let _ = stream.set_nodelay(true);
     let patience = if room.is_some() { PATIENCE } else { BRIEF };
     let service = TowerToHyperService::new(router.layer(Extension(room)));
-    // One request a connection: an idle browser keeps nobody out.
-    let connection = http1::Builder::new()
-        .keep_alive(false)
-        .serve_connection(TokioIo::new(stream), service)
-        .with_upgrades();
+    let connection =
+        http1::Builder::new().serve_connection(TokioIo::new(stream), service).with_upgrades();
     // Ends with an error where somebody goes away in the middle of something.
     let _ = timeout(patience, connection).await;
 }
@@ -123,20 +120,27 @@ async fn secure(mut response: Response) -> Result<Response, Infallible> {
         // The next version of the program has the next version of the page.
         (header::CACHE_CONTROL, "no-store"),
     ];
+    if response.status() != StatusCode::SWITCHING_PROTOCOLS {
+        // One request a connection: an idle browser keeps nobody out.
+        response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+    }
     for (name, value) in headers {
         response.headers_mut().insert(name, HeaderValue::from_static(value));
     }
     Ok(response)
 }
 
-/// `GET /live`: from here on the connection is a dashboard's.
+/// `GET /live`, or `GET /live?run=…&since=…` for a page that comes back: from here on the connection
+/// is a dashboard's.
 async fn live(
     State(server): State<Server>,
     Extension(room): Extension<Room>,
+    address: Uri,
     socket: WebSocketUpgrade,
 ) -> Response {
+    let known = address.query().and_then(Cursor::of_query).unwrap_or_default();
     socket.max_message_size(LONGEST).max_frame_size(LONGEST).on_upgrade(move |socket| async move {
-        server.live.show(socket).await;
+        server.live.show(socket, known).await;
         drop(room);
     })
 }

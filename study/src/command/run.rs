@@ -33,7 +33,7 @@ impl Run {
             self.output.finish(&scenario, &outcome, trace)?;
         } else {
             let launch =
-                Launch { options: self.scenario, trace: self.output.trace.clone(), monitor: false };
+                Launch { options: self.scenario, trace: self.output.trace.clone(), monitor: None };
             self.output.print(&launch_roles(launch, &scenario)?)?;
         }
         Ok(())

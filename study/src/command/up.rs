@@ -42,7 +42,13 @@ impl Up {
             scenario.bus.kind.name(),
             scenario.timing.sample_period
         );
-        let launch = Launch { options: self.scenario, trace: None, monitor: true };
+        // Where `mtj set` and further monitors look without being told.
+        let bus = &mut self.scenario.bus;
+        bus.session.get_or_insert_with(|| scenario.bus.session.clone());
+        if scenario.bus.kind == BusKind::Zenoh && scenario.bus.config.is_none() {
+            bus.listen = scenario.bus.listen_endpoints().into_iter().next();
+        }
+        let launch = Launch { options: self.scenario, trace: None, monitor: Some(Vec::new()) };
         print!("{}", launch_roles(launch, &scenario)?);
         Ok(())
     }

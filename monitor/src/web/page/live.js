@@ -15,6 +15,7 @@ export class Live extends EventTarget {
   #heard = 0;
   #retry = null;
 
+  /** `address` is a function: on coming back the page asks for what it does not have yet. */
   constructor(address) {
     super();
     this.#address = address;
@@ -27,7 +28,7 @@ export class Live extends EventTarget {
 
   #connect() {
     this.#retry = null;
-    const socket = new WebSocket(this.#address);
+    const socket = new WebSocket(this.#address());
     this.#socket = socket;
     this.#heard = performance.now();
     socket.addEventListener("message", (event) => this.#hear(socket, event));

@@ -164,7 +164,8 @@ function log() {
   $("changes").replaceChildren(...items);
 }
 
-page.live = new Live(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
+const address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`;
+page.live = new Live(() => (store.length > 0 ? `${address}?run=${store.run}&since=${store.newest}` : address));
 page.live.addEventListener("message", ({ detail }) => hear[detail.kind]?.(detail));
 page.live.addEventListener("lost", () => {
   alarm.show({ code: "no_monitor", sentence: "" });
