@@ -88,6 +88,19 @@ impl Controller {
         Ok(self.answered)
     }
 
+    /// Takes the place of another controller that answered `state` with `torque`, as if it had done so
+    /// itself; a memory step that is longer than a sample period it knows from its next beginning on.
+    pub fn take_over(
+        &mut self,
+        state: &StateSample,
+        torque: &TorqueSample,
+    ) -> Result<(), LawError> {
+        self.respond(state)?;
+        self.law.remember(torque);
+        self.answered = *torque;
+        Ok(())
+    }
+
     /// How the law saw the instant it answered last.
     pub fn error(&self) -> &ErrorSample {
         &self.error
@@ -101,6 +114,8 @@ impl Controller {
 
 trait Respond {
     fn respond(&mut self, state: &StateSample) -> Result<(TorqueSample, ErrorSample), LawError>;
+    /// Believes to have answered the last state so.
+    fn remember(&mut self, torque: &TorqueSample);
     /// What is known from earlier samples.
     fn remembered(&self) -> (Option<Memory>, Predictor);
 }
@@ -231,6 +246,12 @@ impl<const N: usize> Respond for ArmController<N> {
             memory: padded(answer.memory.as_slice()),
         };
         Ok((torque, error))
+    }
+
+    fn remember(&mut self, torque: &TorqueSample) {
+        if let Law::Mtj { memory, .. } = &mut self.law {
+            memory.replace(&SVector::from_fn(|i, _| torque.force[i]));
+        }
     }
 
     fn remembered(&self) -> (Option<Memory>, Predictor) {

@@ -63,4 +63,9 @@ impl Memory {
             self.latched = *force;
         }
     }
+
+    /// Remembers another task force for the step of the last sample.
+    pub fn replace(&mut self, force: &SVector<f64, PLANE>) {
+        self.latched = *force;
+    }
 }

@@ -121,6 +121,15 @@ impl<T: Scalar, const N: usize> Pose<'_, T, N> {
         first_axes(&out)
     }
 
+    /// Where each link ends, base first; the last end is the tip. m.
+    pub fn ends(&self) -> [Vector2<T>; N] {
+        let mut end = Vector2::zeros();
+        std::array::from_fn(|i| {
+            end += Vector2::new(self.cos[i], self.sin[i]) * self.arm.lengths[i];
+            end
+        })
+    }
+
     /// The output speeds J q̇, eq. (2).
     pub fn tip_velocity<const M: usize>(&self) -> SVector<T, M> {
         let mut out = [T::zero(); 3];

@@ -80,6 +80,7 @@ macro_rules! for_one_two_three_and_seven_links {
 
 for_one_two_three_and_seven_links! {
     inertia_is_the_second_derivative_of_the_kinetic_energy = check_inertia;
+    every_link_ends_where_its_centre_of_mass_says = check_ends;
     the_jacobian_agrees_with_finite_differences = check_jacobian;
     velocity_terms_follow_from_lagranges_equation = check_velocity_terms;
     energy_is_conserved_without_torque = check_energy;
@@ -99,6 +100,19 @@ fn check_inertia<const N: usize>() {
             assert!((h[(i, j)] - second).abs() < 1e-8, "H[{i}{j}] = {} not {second}", h[(i, j)]);
         }
     }
+}
+
+fn check_ends<const N: usize>() {
+    let links = links::<N>();
+    let arm = PlanarArm::new(&links, Vector2::zeros());
+    let (pose, centers) = (arm.pose(&angles(), &rates()), centers(&links, &angles()));
+    let (ends, mut start) = (pose.ends(), Vector2::zeros());
+    for i in 0..N {
+        let center = start + (ends[i] - start) * (links[i].center / links[i].length);
+        assert!((center - centers[i]).norm() < 1e-12, "link {i}: {center} is not {}", centers[i]);
+        start = ends[i];
+    }
+    assert!((start - pose.tip::<2>()).norm() < 1e-12);
 }
 
 fn check_jacobian<const N: usize>() {

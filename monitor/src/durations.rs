@@ -15,6 +15,7 @@ const PARTS: usize = 10;
 const LONGEST_NS: u64 = 60_000_000_000;
 
 /// Durations of the last ten seconds, to about one percent.
+#[derive(Clone)]
 pub struct RecentDurations {
     parts: VecDeque<(Instant, Histogram<u64>)>,
 }

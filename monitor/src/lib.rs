@@ -4,14 +4,21 @@
 //! monitor   the loop: a source (bus or recording) and its audience
 //! overview  what is known of a session by now
 //! lines     an audience: a line of text a second
+//! terminal  an audience: a dashboard in the terminal
 //! desk      an audience: takes knob turns from dashboards to the plant
+//! recording an audience: every message in a file; and such a file as a source
 //! web       an audience: the dashboard in a browser
+//! foxglove  an audience: live to Foxglove (a feature that is off by default)
 //! ```
 
 pub mod desk;
 pub mod durations;
+#[cfg(feature = "foxglove")]
+pub mod foxglove;
 pub mod lines;
 pub mod monitor;
 pub mod options;
 pub mod overview;
+pub mod recording;
+pub mod terminal;
 pub mod web;

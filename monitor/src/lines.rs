@@ -90,10 +90,11 @@ impl<W: Write> Lines<W> {
 
 impl<W: Write> Audience for Lines<W> {
     fn hear(&mut self, message: &Message) {
+        let is_news = !matches!(message, Message::Change(change) if self.overview.knows(change));
         self.overview.hear(message);
         match message {
             Message::Error(error) => self.second.add(error),
-            Message::Change(change) => {
+            Message::Change(change) if is_news => {
                 let time = change.header.time_ns as f64 * 1e-9;
                 let line = match change.outcome() {
                     Ok(()) => format!("t {time:7.1} s  changed: {}", change.words()),

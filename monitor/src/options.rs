@@ -3,41 +3,94 @@
 use clap::Args;
 use mtj_protocol::{bus::BusError, options::RoleOptions};
 
+#[cfg(feature = "foxglove")]
+use crate::foxglove::FoxgloveOptions;
 use crate::{
     lines::Lines,
     monitor::{self, Audience, Live},
+    recording::options::RecordingOptions,
+    terminal::TerminalOptions,
     web::{Place, WebOptions},
 };
 
 /// What a monitor that was started by another process says, on standard error, when it listens.
 pub const LISTENING: &str = "mtj monitor: listening";
 
-/// Run a monitor alone: it prints one line a second, and serves a dashboard with --web
+/// Run a monitor alone: a line a second, a dashboard in a browser or in the terminal, a recording
 #[derive(Args, Clone, Debug)]
 pub struct MonitorOptions {
     /// Where the plant is.
     #[command(flatten)]
     pub role: RoleOptions,
+    /// For whom.
+    #[command(flatten)]
+    pub audience: AudienceOptions,
+}
+
+/// For whom a monitor listens.
+#[derive(Args, Clone, Debug, Default)]
+pub struct AudienceOptions {
     /// The dashboard in a browser.
     #[command(flatten)]
     pub web: WebOptions,
+    /// The dashboard in the terminal, instead of a line a second.
+    #[command(flatten)]
+    pub terminal: TerminalOptions,
+    /// A file.
+    #[command(flatten)]
+    pub recording: RecordingOptions,
+    /// Foxglove.
+    #[cfg(feature = "foxglove")]
+    #[command(flatten)]
+    pub foxglove: FoxgloveOptions,
+}
+
+impl AudienceOptions {
+    /// The same options as arguments for another process.
+    pub fn arguments(&self) -> Vec<String> {
+        [
+            self.web.arguments(),
+            self.terminal.arguments(),
+            self.recording.arguments(),
+            #[cfg(feature = "foxglove")]
+            self.foxglove.arguments(),
+        ]
+        .concat()
+    }
 }
 
 impl MonitorOptions {
     /// Watches until asked to stop.
     pub fn run(&self) -> Result<(), BusError> {
+        let AudienceOptions { web, terminal, recording, .. } = &self.audience;
+        // What cannot be is said before anything is begun.
+        terminal.check()?;
+        let settings = self.role.bus.settings();
+        let settings = settings.map_err(|error| BusError::Settings(error.to_string()))?;
+        let recording = recording.begin(&settings)?;
+        let reception = web.listen()?;
+        #[cfg(feature = "foxglove")]
+        let foxglove = self.audience.foxglove.serve(&settings.session)?;
         let shutdown = self.role.shutdown();
-        let reception = self.web.listen()?;
         let Some(bus) = self.role.join(shutdown)? else { return Ok(()) };
-        let mut audience: Vec<Box<dyn Audience>> = vec![Box::new(Lines::new(std::io::stdout()))];
+        let mut source = Live::open(&bus)?;
+        let mut audience: Vec<Box<dyn Audience>> = Vec::new();
         if let Some(reception) = reception {
-            let settings = self.role.bus.settings();
-            let settings = settings.map_err(|error| BusError::Settings(error.to_string()))?;
             reception.join(&bus, &Place::from(&settings), &mut audience)?;
         }
-        let mut source = Live::open(&bus)?;
+        #[cfg(feature = "foxglove")]
+        if let Some(foxglove) = foxglove {
+            audience.push(Box::new(foxglove));
+        }
+        if let Some(recording) = recording {
+            audience.push(Box::new(recording.start()?));
+        }
         if self.role.until_stdin_closes {
             eprintln!("{LISTENING}");
+        }
+        match terminal.open(&self.role.bus)? {
+            Some(dashboard) => audience.push(Box::new(dashboard)),
+            None => audience.push(Box::new(Lines::new(std::io::stdout()))),
         }
         monitor::attend(&mut source, &mut audience, &|| shutdown.proceed())
     }

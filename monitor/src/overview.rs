@@ -21,11 +21,13 @@ use crate::durations::RecentDurations;
 const SILENT: Duration = Duration::from_millis(500);
 /// How long a role may be quiet that has nothing to do but to say that it is there.
 const ABSENT: Duration = Duration::from_millis(2500);
+/// How many runs are remembered for telling stragglers.
+const RUNS: usize = 16;
 /// How many changes are kept.
 const CHANGES: usize = 200;
 
 /// The newest of everything.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Overview {
     /// Of the run that is heard.
     pub scenario: Option<Arc<Offered>>,
@@ -50,6 +52,7 @@ pub struct Overview {
     plant: Party,
     controller: Party,
     run: Option<u64>,
+    past: VecDeque<u64>,
 }
 
 /// A plant or a controller, as far as it was heard.
@@ -123,6 +126,9 @@ impl Party {
 impl Overview {
     /// Takes in one message.
     pub fn hear(&mut self, message: &Message) {
+        if self.is_past(message) {
+            return;
+        }
         let patience = self.patience();
         match message {
             Message::Scenario(offered) => {
@@ -147,6 +153,7 @@ impl Overview {
                 self.plant.hear(patience);
                 self.status = Some(*status);
             }
+            Message::Change(change) if self.knows(change) => {}
             Message::Change(change) => {
                 if self.changes.len() == CHANGES {
                     self.changes.pop_front();
@@ -167,9 +174,22 @@ impl Overview {
         if self.run == Some(run) {
             return;
         }
-        // Stragglers of an older run do not bring it back: what is heard next would begin anew.
-        *self = Self { plant: self.plant, controller: self.controller, ..Self::default() };
-        self.run = Some(run);
+        let mut past = std::mem::take(&mut self.past);
+        past.extend(self.run);
+        past.drain(..past.len().saturating_sub(RUNS));
+        let (plant, controller) = (self.plant, self.controller);
+        *self = Self { plant, controller, past, run: Some(run), ..Self::default() };
+    }
+
+    /// Whether a message belongs to a run that is over: its last samples may come after the first ones
+    /// of the next run.
+    pub fn is_past(&self, message: &Message) -> bool {
+        run_and_time(message).is_some_and(|(run, _)| self.past.contains(&run))
+    }
+
+    /// Whether a change was heard before: a plant that is asked twice answers twice.
+    pub fn knows(&self, change: &ChangeSample) -> bool {
+        self.changes.iter().any(|known| known.request == change.request)
     }
 
     fn hear_state(&mut self, state: &StateSample) {
@@ -243,6 +263,20 @@ impl Overview {
         let period = self.scenario.as_ref().map(|offered| offered.scenario.timing.sample_period);
         SILENT.max(3 * period.unwrap_or_default())
     }
+}
+
+/// Which run a message is about, and when in it.
+pub fn run_and_time(message: &Message) -> Option<(u64, u64)> {
+    let header = match message {
+        Message::Scenario(offered) => return Some((offered.run, 0)),
+        Message::State(state) => &state.header,
+        Message::Torque(torque) => &torque.header,
+        Message::Error(error) => &error.header,
+        Message::Status(status) => &status.header,
+        Message::Change(change) => &change.header,
+        Message::Presence(_) | Message::Request(_) => return None,
+    };
+    Some((header.run, header.time_ns))
 }
 
 /// By how much the time between two successive states, as sent, differs from the sample period, ns.

@@ -57,6 +57,10 @@ pub trait Sample:
     /// Shows what follows the header, field by field, with lists only as long as they are meant:
     /// for records in formats that describe themselves.
     fn fields(&self, show: &mut dyn FnMut(&'static str, Field<'_>));
+    /// What every sample begins with, to be filled in.
+    fn header_mut(&mut self) -> &mut Header;
+    /// The field of this name, to be filled in from such a record.
+    fn field_mut(&mut self, name: &str) -> Option<FieldMut<'_>>;
 }
 
 /// A field of a sample as a record shows it.
@@ -70,14 +74,29 @@ pub enum Field<'a> {
     Text(&'a str),
 }
 
+/// A field of a sample that is filled in from a record.
+#[derive(Debug, PartialEq)]
+pub enum FieldMut<'a> {
+    /// A count, a code or nanoseconds.
+    Count(&'a mut u64),
+    /// A number for each joint or each task axis, as many as there can be.
+    Numbers(&'a mut [f64]),
+    /// Words as [`text`] lays them.
+    Text(&'a mut [[u8; 32]]),
+}
+
 /// What may stand in a sample behind its header.
 trait AsField {
     fn as_field(&self, header: &Header) -> Field<'_>;
+    fn as_field_mut(&mut self) -> FieldMut<'_>;
 }
 
 impl AsField for u64 {
     fn as_field(&self, _: &Header) -> Field<'_> {
         Field::Count(*self)
+    }
+    fn as_field_mut(&mut self) -> FieldMut<'_> {
+        FieldMut::Count(self)
     }
 }
 
@@ -85,17 +104,26 @@ impl AsField for Joints {
     fn as_field(&self, header: &Header) -> Field<'_> {
         Field::Numbers(&self[..MAX_JOINTS.min(header.joints as usize)])
     }
+    fn as_field_mut(&mut self) -> FieldMut<'_> {
+        FieldMut::Numbers(self)
+    }
 }
 
 impl AsField for Axes {
     fn as_field(&self, header: &Header) -> Field<'_> {
         Field::Numbers(&self[..MAX_AXES.min(header.axes as usize)])
     }
+    fn as_field_mut(&mut self) -> FieldMut<'_> {
+        FieldMut::Numbers(self)
+    }
 }
 
 impl<const ROWS: usize> AsField for [[u8; 32]; ROWS] {
     fn as_field(&self, _: &Header) -> Field<'_> {
         Field::Text(text_of(self))
+    }
+    fn as_field_mut(&mut self) -> FieldMut<'_> {
+        FieldMut::Text(self)
     }
 }
 
@@ -112,6 +140,12 @@ macro_rules! sample {
         impl $name {
             fn show_fields(&self, show: &mut dyn FnMut(&'static str, Field<'_>)) {
                 $(show(stringify!($field), self.$field.as_field(&self.header));)*
+            }
+            fn named_field_mut(&mut self, name: &str) -> Option<FieldMut<'_>> {
+                match name {
+                    $(stringify!($field) => Some(self.$field.as_field_mut()),)*
+                    _ => None,
+                }
             }
         }
     };
@@ -301,6 +335,12 @@ macro_rules! implement_sample {
             fn fields(&self, show: &mut dyn FnMut(&'static str, Field<'_>)) {
                 self.show_fields(show);
             }
+            fn header_mut(&mut self) -> &mut Header {
+                &mut self.header
+            }
+            fn field_mut(&mut self, name: &str) -> Option<FieldMut<'_>> {
+                self.named_field_mut(name)
+            }
         })*
     };
 }
@@ -320,6 +360,22 @@ impl Header {
     pub fn answer(&self) -> Self {
         Self { version: VERSION, ..*self }
     }
+
+    /// Shows the header field by field, as [`Sample::fields`] does with what follows it.
+    pub fn fields(&self, show: &mut dyn FnMut(&'static str, Field<'_>)) {
+        let Self { version, joints, axes, revision, run, sequence, time_ns } = *self;
+        for (name, count) in [
+            ("version", u64::from(version)),
+            ("joints", u64::from(joints)),
+            ("axes", u64::from(axes)),
+            ("revision", u64::from(revision)),
+            ("run", run),
+            ("sequence", sequence),
+            ("time_ns", time_ns),
+        ] {
+            show(name, Field::Count(count));
+        }
+    }
 }
 
 /// The first entries of a list that may be shorter, zeros after them.
@@ -330,10 +386,15 @@ pub fn padded<const N: usize>(values: &[f64]) -> [f64; N] {
 /// Words as a sample carries them, cut where they do not fit.
 pub fn text<const ROWS: usize>(words: &str) -> [[u8; 32]; ROWS] {
     let mut rows = [[0; 32]; ROWS];
-    let fits = |length: &usize| words.is_char_boundary(*length);
-    let length = (0..=words.len().min(ROWS * 32)).rev().find(fits).unwrap_or(0);
-    rows.as_flattened_mut()[..length].copy_from_slice(&words.as_bytes()[..length]);
+    write_text(&mut rows, words);
     rows
+}
+
+/// Lays words into empty rows, cut where they do not fit.
+pub fn write_text(rows: &mut [[u8; 32]], words: &str) {
+    let fits = |length: &usize| words.is_char_boundary(*length);
+    let length = (0..=words.len().min(rows.len() * 32)).rev().find(fits).unwrap_or(0);
+    rows.as_flattened_mut()[..length].copy_from_slice(&words.as_bytes()[..length]);
 }
 
 /// The words that a sample carries; what is not UTF-8 ends them.

@@ -6,6 +6,7 @@ pub mod figure;
 pub mod launcher;
 pub mod paper;
 pub mod predict;
+pub mod replay;
 pub mod report;
 pub mod session;
 pub mod sweep;

@@ -8,8 +8,10 @@ use mtj_monitor::options::MonitorOptions;
 use mtj_plant::options::PlantOptions;
 use mtj_study::command::{
     Failure,
+    export::Export,
     knob::{Kick, Pause, Reset, Resume, Set},
     paper::Paper,
+    replay::Replay,
     run::Run,
     scenario::ScenarioCommand,
     study::StudyCommand,
@@ -32,6 +34,8 @@ enum Command {
     Plant(PlantOptions),
     Controller(ControllerOptions),
     Monitor(MonitorOptions),
+    Export(Export),
+    Replay(Replay),
     Paper(Paper),
     Scenario(ScenarioCommand),
     Study(StudyCommand),
@@ -66,6 +70,8 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Plant(plant) => Ok(plant.run()?),
         Command::Controller(controller) => Ok(controller.run()?),
         Command::Monitor(monitor) => Ok(monitor.run()?),
+        Command::Export(export) => export.run(),
+        Command::Replay(replay) => replay.run(),
         Command::Paper(paper) => paper.run(),
         Command::Scenario(scenario) => scenario.run(),
         Command::Study(study) => study.run(),

@@ -73,6 +73,16 @@ impl ArmSettings {
         arm
     }
 
+    /// Where each link ends at joint angles `q` in rad, base first; the last end is the tip. m.
+    ///
+    /// Angles that are missing are taken as zero.
+    pub fn ends(&self, q: &[f64]) -> Vec<Vector2<f64>> {
+        for_links!(self.links.len(), N => {
+            let q = SVector::<f64, N>::from_fn(|i, _| q.get(i).copied().unwrap_or(0.0));
+            self.build().pose(&q, &SVector::zeros()).ends().to_vec()
+        })
+    }
+
     /// How far the tip can be from the base, m.
     pub fn reach(&self) -> f64 {
         self.links.iter().map(|link| link.length).sum()

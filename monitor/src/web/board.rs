@@ -15,7 +15,7 @@ use super::{
     history::{Bin, History, WIDTH_NS, merge},
     series::Readings,
 };
-use crate::overview::{Overview, Phase};
+use crate::overview::{Overview, Phase, run_and_time};
 
 /// How many bins after a state its bin counts as settled: torque and error of that instant follow.
 const SETTLING: u64 = 5;
@@ -25,8 +25,6 @@ const PATIENCE: usize = 10;
 const STEP: u64 = 500;
 /// How many marks are kept.
 const MARKS: usize = 200;
-/// How many runs are remembered for telling stragglers.
-const RUNS: usize = 16;
 /// How many samples are kept until the scenario is known that they are about.
 const EARLY: usize = 16_384;
 
@@ -42,7 +40,6 @@ pub struct Board {
     /// How many marks there were in this run.
     marked: u64,
     run: Option<u64>,
-    past: VecDeque<u64>,
     /// What was heard of the run before its scenario was: the scenario is fetched, samples come.
     early: Vec<Message>,
     /// The newest state's bin.
@@ -116,7 +113,7 @@ impl Board {
     pub fn hear(&mut self, message: &Message) {
         match message {
             Message::Presence(_) | Message::Request(_) => return self.overview.hear(message),
-            _ if self.is_past(message) => return,
+            _ if self.overview.is_past(message) => return,
             Message::Scenario(offered) => {
                 self.begin(offered.run);
                 self.readings.follow(offered);
@@ -136,20 +133,11 @@ impl Board {
         self.plot(message);
     }
 
-    /// Whether a message belongs to a run that is over: its last samples may come after the first
-    /// ones of the next run.
-    fn is_past(&self, message: &Message) -> bool {
-        run_and_time(message).is_some_and(|(run, _)| self.past.contains(&run))
-    }
-
     fn begin(&mut self, run: u64) {
         if self.run == Some(run) {
             return;
         }
-        if let Some(past) = self.run.replace(run) {
-            self.past.push_back(past);
-            self.past.drain(..self.past.len().saturating_sub(RUNS));
-        }
+        self.run = Some(run);
         self.readings = Readings::default();
         self.history = History::default();
         self.early.clear();
@@ -161,7 +149,7 @@ impl Board {
 
     /// A plant that is asked twice answers twice.
     fn mark(&mut self, change: &ChangeSample) {
-        if self.marks.iter().any(|mark| mark.request == change.request) {
+        if self.overview.knows(change) {
             return;
         }
         if self.marks.len() == MARKS {
@@ -284,20 +272,6 @@ impl Board {
         }
         news
     }
-}
-
-/// Which run a message is about, and when in it.
-fn run_and_time(message: &Message) -> Option<(u64, u64)> {
-    let header = match message {
-        Message::Scenario(offered) => return Some((offered.run, 0)),
-        Message::State(state) => &state.header,
-        Message::Torque(torque) => &torque.header,
-        Message::Error(error) => &error.header,
-        Message::Status(status) => &status.header,
-        Message::Change(change) => &change.header,
-        Message::Presence(_) | Message::Request(_) => return None,
-    };
-    Some((header.run, header.time_ns))
 }
 
 #[cfg(test)]

@@ -73,6 +73,12 @@ pub struct WebOptions {
 }
 
 impl WebOptions {
+    /// Serves the dashboard where nobody has said where.
+    pub fn wanted(mut self) -> Self {
+        self.web.get_or_insert_with(|| address::DEFAULT.to_owned());
+        self
+    }
+
     /// The same options as arguments for another process.
     pub fn arguments(&self) -> Vec<String> {
         let address = self.web.iter().flat_map(|address| ["--web".to_owned(), address.clone()]);

@@ -61,7 +61,7 @@ impl MonitorPort {
             requests: bus.reader(Depth::Stream, wait)?,
             changes: bus.reader(Depth::Stream, wait)?,
             presences: bus.reader(Depth::Stream, wait)?,
-            scenario: Follower::default(),
+            scenario: Follower::ready(bus)?,
             complaints: Complaints::default(),
             refused: 0,
         })

@@ -23,7 +23,7 @@ pub struct Offered {
 }
 
 /// How long to wait before asking for a scenario again that was not there.
-const PATIENCE: Duration = Duration::from_millis(100);
+const PATIENCE: Duration = Duration::from_millis(10);
 
 /// Fetches the scenario whenever the plant's samples tell of another one.
 #[derive(Default)]
@@ -33,6 +33,13 @@ pub(super) struct Follower {
 }
 
 impl Follower {
+    /// One that has no scenario yet, but is ready to get one: where an offer is sent to those who listen, it
+    /// comes to those who have asked before.
+    pub fn ready(bus: &impl Bus) -> Result<Self, BusError> {
+        bus.fetch()?;
+        Ok(Self::default())
+    }
+
     /// One that has a scenario already.
     pub fn knowing(offered: &Offered) -> Self {
         Self { known: Some((offered.run, offered.revision)), asked: None }

@@ -1,14 +1,17 @@
 //! The subcommands of `mtj`, one file each.
 
+pub mod export;
 pub mod knob;
 pub mod paper;
 pub mod predict;
+pub mod replay;
 pub mod report;
 pub mod run;
 pub mod scenario;
 pub mod study;
 pub mod tune;
 pub mod up;
+pub mod which;
 
 use std::{fmt, io};
 

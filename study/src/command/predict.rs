@@ -13,7 +13,7 @@ use std::{
 use clap::Args;
 use mtj_protocol::shutdown::Shutdown;
 
-use super::{Failure, study::Which};
+use super::{Failure, which::Which};
 use crate::predict::{self, MOST, Prediction};
 
 /// Predict the largest latency of each loop of a study, and measure it

@@ -12,7 +12,7 @@ use mtj_model::scenario::{BusKind, Override, Scenario};
 use mtj_plant::options::ScenarioOptions;
 use mtj_protocol::{options::BusOptions, shutdown::Shutdown};
 
-use super::{Failure, predict::Predict, report::ReportStudy};
+use super::{Failure, predict::Predict, report::ReportStudy, which::Which};
 use crate::{
     session::Session,
     sweep::{
@@ -42,25 +42,6 @@ enum Action {
     Merge(Merge),
     Predict(Predict),
     Report(ReportStudy),
-}
-
-/// Which study
-#[derive(Args, Debug)]
-pub struct Which {
-    /// Built-in study ('mtj study list' prints them) or TOML file
-    study: String,
-    /// Set any key at every point; may be repeated
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    set: Vec<String>,
-}
-
-impl Which {
-    /// The study, with everything set that was asked for.
-    pub fn load(&self) -> Result<Plan, Failure> {
-        let set: Vec<Override> =
-            self.set.iter().map(|text| text.parse()).collect::<Result<_, _>>()?;
-        Ok(Plan::load(&self.study, &set)?)
-    }
 }
 
 #[derive(Args, Debug)]

@@ -2,6 +2,7 @@
 
 use clap::Args;
 use mtj_model::scenario::BusKind;
+use mtj_monitor::options::AudienceOptions;
 use mtj_plant::options::ScenarioOptions;
 
 use super::{Failure, run::launch_roles};
@@ -12,6 +13,11 @@ use crate::launcher::Launch;
 pub struct Up {
     #[command(flatten)]
     scenario: ScenarioOptions,
+    #[command(flatten)]
+    audience: AudienceOptions,
+    /// Without the dashboard in a browser
+    #[arg(long, conflicts_with_all = ["web", "open"])]
+    no_web: bool,
 }
 
 /// How long the demonstration goes on unless the user sets a duration.
@@ -36,7 +42,7 @@ impl Up {
             scenario = self.scenario.load()?;
         }
         println!(
-            "mtj up: {} under {} over {}, T_s = {:?}; Ctrl-C ends it",
+            "mtj up: {} under {} over {}, T_s = {:?}; Ctrl-C ends it, 'mtj set KEY=VALUE' changes it",
             scenario.name,
             scenario.law.kind.name(),
             scenario.bus.kind.name(),
@@ -48,7 +54,11 @@ impl Up {
         if scenario.bus.kind == BusKind::Zenoh && scenario.bus.config.is_none() {
             bus.listen = scenario.bus.listen_endpoints().into_iter().next();
         }
-        let launch = Launch { options: self.scenario, trace: None, monitor: Some(Vec::new()) };
+        if !self.no_web {
+            self.audience.web = self.audience.web.wanted();
+        }
+        let monitor = Some(self.audience.arguments());
+        let launch = Launch { options: self.scenario, trace: None, monitor };
         print!("{}", launch_roles(launch, &scenario)?);
         Ok(())
     }

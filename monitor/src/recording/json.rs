@@ -1,0 +1,236 @@
+//! Messages as JSON, and back to the last bit.
+
+use std::{fmt, io, marker::PhantomData, sync::Arc};
+
+use mtj_model::scenario::Scenario;
+use mtj_protocol::{
+    gate,
+    port::{Message, Offered},
+    sample::{Field, FieldMut, Sample, write_text},
+};
+use serde::{
+    Deserialize, Deserializer, Serialize, Serializer,
+    de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor},
+    ser::SerializeMap,
+};
+
+use super::topic::{Topic, fields, header};
+
+/// Writes a message as one JSON object: the header with its fields, then the sample's own.
+pub fn write(out: &mut impl io::Write, message: &Message) -> io::Result<()> {
+    Ok(serde_json::to_writer(out, &Told(message))?)
+}
+
+/// Reads what [`write`] wrote; in words, if it is something else.
+pub fn read(topic: Topic, json: &[u8]) -> Result<Message, String> {
+    Ok(match topic {
+        Topic::Scenario => Message::Scenario(Arc::new(read_scenario(json)?)),
+        Topic::State => Message::State(read_sample(json)?),
+        Topic::Torque => Message::Torque(read_sample(json)?),
+        Topic::Error => Message::Error(read_sample(json)?),
+        Topic::Status => Message::Status(read_sample(json)?),
+        Topic::Request => Message::Request(read_sample(json)?),
+        Topic::Change => Message::Change(read_sample(json)?),
+        Topic::Presence => Message::Presence(read_sample(json)?),
+    })
+}
+
+struct Told<'a>(&'a Message);
+
+impl Serialize for Told<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        if let Some(header) = header(self.0) {
+            map.serialize_entry("header", header)?;
+        }
+        let mut outcome = Ok(());
+        fields(self.0, &mut |name, field| {
+            if outcome.is_ok() {
+                outcome = match field {
+                    Field::Count(count) => map.serialize_entry(name, &count),
+                    Field::Numbers(numbers) => map.serialize_entry(name, numbers),
+                    Field::Text(words) => map.serialize_entry(name, words),
+                };
+            }
+        });
+        outcome?;
+        map.end()
+    }
+}
+
+fn read_scenario(json: &[u8]) -> Result<Offered, String> {
+    #[derive(Deserialize)]
+    struct Record {
+        name: String,
+        run: u64,
+        revision: u32,
+        text: String,
+    }
+    let Record { name, run, revision, text } =
+        serde_json::from_slice(json).map_err(|error| error.to_string())?;
+    let scenario = Scenario::parse(&name, &text, &[]).map_err(|error| error.to_string())?;
+    Ok(Offered { run, revision, scenario })
+}
+
+fn read_sample<S: Sample>(json: &[u8]) -> Result<S, String> {
+    let Retold(sample) =
+        serde_json::from_slice::<Retold<S>>(json).map_err(|error| error.to_string())?;
+    match gate::fault(&sample) {
+        None => Ok(sample),
+        Some(fault) => Err(fault.sentence().to_owned()),
+    }
+}
+
+struct Retold<S>(S);
+
+impl<'de, S: Sample> Deserialize<'de> for Retold<S> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_map(Fields(PhantomData)).map(Retold)
+    }
+}
+
+struct Fields<S>(PhantomData<S>);
+
+impl<'de, S: Sample> Visitor<'de> for Fields<S> {
+    type Value = S;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "a {} sample", S::TOPIC)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<S, A::Error> {
+        let mut sample = S::default();
+        let mut missing = 1;
+        sample.fields(&mut |_, _| missing += 1);
+        while let Some(name) = map.next_key::<&str>()? {
+            missing -= 1;
+            if name == "header" {
+                *sample.header_mut() = map.next_value()?;
+                continue;
+            }
+            match sample.field_mut(name) {
+                Some(FieldMut::Count(count)) => *count = map.next_value()?,
+                Some(FieldMut::Numbers(numbers)) => map.next_value_seed(Fill(numbers))?,
+                Some(FieldMut::Text(rows)) => write_text(rows, &map.next_value::<String>()?),
+                None => return Err(A::Error::custom(format!("there is no field '{name}'"))),
+            }
+        }
+        if missing == 0 { Ok(sample) } else { Err(A::Error::custom("fields are missing")) }
+    }
+}
+
+/// Fills in the first entries of a list of zeros.
+struct Fill<'a>(&'a mut [f64]);
+
+impl<'de> DeserializeSeed<'de> for Fill<'_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_seq(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Fill<'_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "up to {} numbers", self.0.len())
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<(), A::Error> {
+        let most = self.0.len();
+        let mut places = self.0.iter_mut();
+        while let Some(number) = list.next_element()? {
+            *places.next().ok_or_else(|| A::Error::invalid_length(most + 1, &"fewer numbers"))? =
+                number;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test that cannot go on should say so")]
+
+    use mtj_protocol::sample::{
+        ChangeSample, Header, PresenceSample, StateSample, TorqueSample, VERSION, padded, text,
+    };
+
+    use super::*;
+
+    fn again(message: &Message) -> Message {
+        let mut json = Vec::new();
+        write(&mut json, message).unwrap();
+        read(Topic::of(message), &json).unwrap()
+    }
+
+    fn header() -> Header {
+        Header {
+            version: VERSION,
+            joints: 3,
+            axes: 2,
+            revision: 7,
+            run: u64::MAX,
+            sequence: u64::MAX - 1,
+            time_ns: (1 << 53) + 1,
+        }
+    }
+
+    #[test]
+    fn numbers_come_back_to_the_last_bit() {
+        // Bits from a congruential generator, so that exponents of all sizes occur.
+        let mut bits: u64 = 1;
+        let mut draw = || loop {
+            bits = bits.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            let number = f64::from_bits(bits);
+            if number.is_finite() {
+                return number;
+            }
+        };
+        for _ in 0..20_000 {
+            let torque = TorqueSample {
+                header: header(),
+                torque: padded(&[draw(), draw(), -0.0]),
+                force: padded(&[draw(), f64::MIN_POSITIVE / 3.0]),
+                ..Default::default()
+            };
+            let Message::Torque(read) = again(&Message::Torque(torque)) else { panic!() };
+            assert_eq!(read.header, torque.header);
+            assert_eq!(read.torque.map(f64::to_bits), torque.torque.map(f64::to_bits));
+            assert_eq!(read.force.map(f64::to_bits), torque.force.map(f64::to_bits));
+        }
+    }
+
+    #[test]
+    fn words_come_back_whatever_they_are() {
+        let words = "law.kind=\"tj\"\nτ\\\t„ö“ \u{1}";
+        let change = ChangeSample { header: header(), text: text(words), ..Default::default() };
+        assert_eq!(again(&Message::Change(change)), Message::Change(change));
+        let presence = PresenceSample { header: header(), host: text("arm"), ..Default::default() };
+        assert_eq!(again(&Message::Presence(presence)), Message::Presence(presence));
+    }
+
+    #[test]
+    fn what_is_no_sample_is_refused_in_words() {
+        let mut json = Vec::new();
+        let state = StateSample { header: header(), ..Default::default() };
+        write(&mut json, &Message::State(state)).unwrap();
+        let json = String::from_utf8(json).unwrap();
+        for (from, to, words) in [
+            ("\"sent_ns\":0,", "", "missing"),
+            ("\"sent_ns\"", "\"sent\"", "no field 'sent'"),
+            ("\"sent_ns\":0", "\"sent_ns\":-1", "-1"),
+            ("[0.0,0.0,0.0]", "[1,2,3,4,5,6,7,8]", "8"),
+            ("[0.0,0.0,0.0]", "[null]", "null"),
+            ("\"joints\":3", "\"joints\":9", "not a sample"),
+            ("\"version\":", "\"version\":9", "version"),
+            ("}", "", "EOF"),
+        ] {
+            let broken = json.replacen(from, to, 1);
+            assert_ne!(broken, json);
+            let sentence = read(Topic::State, broken.as_bytes()).unwrap_err();
+            assert!(sentence.contains(words), "{from} → {to}: {sentence}");
+        }
+        assert!(read(Topic::State, json.as_bytes()).is_ok());
+    }
+}

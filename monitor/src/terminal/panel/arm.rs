@@ -1,0 +1,148 @@
+//! The arm at scale.
+
+use ratatui::{
+    buffer::Buffer,
+    layout::Rect,
+    symbols::Marker,
+    text::{Line, Span},
+    widgets::{
+        Widget,
+        canvas::{Canvas, Line as Link, Points},
+    },
+};
+
+use super::Picture;
+use crate::terminal::{
+    palette::Ink,
+    view::{Point, Stage},
+};
+
+/// The part of the trail that is drawn densely, s.
+const FRESH: f64 = 0.6;
+
+/// The arm, the desired path and point, the measured tip and its trail.
+pub fn paint(picture: &Picture, area: Rect, buf: &mut Buffer) {
+    let area = picture.rule("Arm", Line::default(), area, buf);
+    let (Some(stage), Some(arm)) = (picture.view.stage, picture.view.arm()) else { return };
+    if area.is_empty() {
+        return;
+    }
+    let legend = area.height >= 9;
+    let drawing = Rect { height: area.height - u16::from(legend), ..area };
+    let frame = Frame::of(stage, drawing);
+    draw_lines(picture, &frame, &arm, drawing, buf);
+    draw_points(picture, &frame, &arm, drawing, buf);
+    if legend {
+        draw_legend(picture, &frame, Rect { y: area.bottom() - 1, height: 1, ..area }, buf);
+    }
+}
+
+/// Which part of the plane an area shows; a metre is as long upwards as it is sideways.
+struct Frame {
+    x: [f64; 2],
+    y: [f64; 2],
+    dots: (f64, f64),
+}
+
+impl Frame {
+    fn of(stage: Stage, area: Rect) -> Self {
+        let dots = (f64::from(area.width) * 2.0, f64::from(area.height) * 4.0);
+        let size = (stage.high - stage.low) * 1.04;
+        let dot = (size.x / dots.0).max(size.y / dots.1).max(1e-9);
+        let middle = (stage.high + stage.low) / 2.0;
+        let around =
+            |middle: f64, dots: f64| [middle - dot * dots / 2.0, middle + dot * dots / 2.0];
+        Self { x: around(middle.x, dots.0), y: around(middle.y, dots.1), dots }
+    }
+
+    /// The cell of a point.
+    fn cell(&self, point: &Point, area: Rect) -> (u16, u16) {
+        let along =
+            |value: f64, [low, high]: [f64; 2]| ((value - low) / (high - low)).clamp(0.0, 1.0);
+        let x = (along(point.x, self.x) * (self.dots.0 - 1.0)).round() as u16 / 2;
+        let y = ((1.0 - along(point.y, self.y)) * (self.dots.1 - 1.0)).round() as u16 / 4;
+        (area.x + x, area.y + y)
+    }
+
+    /// How many columns a length takes.
+    fn columns(&self, length: f64) -> f64 {
+        length / (self.x[1] - self.x[0]) * self.dots.0 / 2.0
+    }
+}
+
+fn draw_lines(picture: &Picture, frame: &Frame, arm: &[Point], area: Rect, buf: &mut Buffer) {
+    let color = |ink| picture.palette.color(ink);
+    let path: Vec<_> = picture.view.path.iter().map(|point| (point.x, point.y)).collect();
+    let now = picture.view.overview.time();
+    // It fades by getting thinner, which needs no colour.
+    let trail: Vec<_> = picture
+        .view
+        .trail
+        .iter()
+        .enumerate()
+        .filter(|(i, (time, _))| now - time < FRESH || i % 8 == 0)
+        .map(|(_, (_, point))| (point.x, point.y))
+        .collect();
+    Canvas::default()
+        .marker(Marker::Braille)
+        .x_bounds(frame.x)
+        .y_bounds(frame.y)
+        .paint(|canvas| {
+            canvas.draw(&Points { coords: &path, color: color(Ink::Faint) });
+            canvas.layer();
+            canvas.draw(&Points { coords: &trail, color: color(Ink::Tip) });
+            canvas.layer();
+            let mut from = Point::zeros();
+            for end in arm {
+                canvas.draw(&Link {
+                    x1: from.x,
+                    y1: from.y,
+                    x2: end.x,
+                    y2: end.y,
+                    color: color(Ink::Strong),
+                });
+                from = *end;
+            }
+        })
+        .render(area, buf);
+}
+
+fn draw_points(picture: &Picture, frame: &Frame, arm: &[Point], area: Rect, buf: &mut Buffer) {
+    let mut put = |cell: (u16, u16), symbol: &str, ink| {
+        buf[cell].set_symbol(symbol).set_style(picture.palette.style(ink));
+    };
+    put(frame.cell(&Point::zeros(), area), "■", Ink::Strong);
+    let Some((tip, elbows)) = arm.split_last() else { return };
+    for elbow in elbows {
+        put(frame.cell(elbow, area), "●", Ink::Strong);
+    }
+    let tip = frame.cell(tip, area);
+    let desired = picture.view.desired().map(|point| frame.cell(&point, area));
+    if let Some(desired) = desired {
+        put(desired, "○", Ink::Desired);
+    }
+    put(tip, if desired == Some(tip) { "◉" } else { "●" }, Ink::Tip);
+}
+
+/// What the points mean, and how long a metre is.
+fn draw_legend(picture: &Picture, frame: &Frame, area: Rect, buf: &mut Buffer) {
+    let room = f64::from(area.width) / 4.0;
+    let mut lengths =
+        (-3..4).flat_map(|power| [1.0, 2.0, 5.0].map(|digit| digit * 10f64.powi(power)));
+    let Some(length) = lengths.rfind(|length| frame.columns(*length) <= room) else {
+        return;
+    };
+    let dashes = (frame.columns(length).round() as usize).saturating_sub(2);
+    let scale = format!("├{}┤ {length} m", "─".repeat(dashes));
+    picture.ink(scale, Ink::Faint).render(area, buf);
+    let legend = Line::from(vec![
+        picture.ink("○", Ink::Desired),
+        Span::raw(" desired "),
+        picture.ink("●", Ink::Tip),
+        Span::raw(" tip"),
+    ]);
+    let width = legend.width() as u16;
+    if area.width > width + room as u16 + 8 {
+        legend.render(Rect { x: area.right() - width, width, ..area }, buf);
+    }
+}

@@ -1,0 +1,158 @@
+//! Numbers over time.
+
+use mtj_model::scenario::LawKind;
+use ratatui::{
+    buffer::Buffer,
+    layout::Rect,
+    symbols::Marker,
+    text::Line,
+    widgets::{Axis, Chart, Dataset, GraphType, Widget},
+};
+
+use super::Picture;
+use crate::terminal::{palette::Ink, track::Track};
+
+/// Below this an error is drawn as this: a logarithm has no zero. m.
+const SMALLEST_ERROR: f64 = 1e-9;
+/// A line is interrupted where there is nothing for longer than this, s, or three sample periods.
+const GAP: f64 = 0.5;
+
+/// Tracking error, on a logarithmic scale.
+pub fn error(picture: &Picture, area: Rect, buf: &mut Buffer) {
+    let [from, to] = window(picture);
+    let range = picture.view.error.range(from, to);
+    let newest = picture.view.deviation().map(|deviation| deviation.norm());
+    let right = match (newest, range) {
+        (Some(newest), Some(range)) => Line::from(vec![
+            picture.ink(format!("{newest:.2e} m"), Ink::Tip),
+            picture.ink(format!("  peak {:.1e}", range.max), Ink::Faint),
+        ]),
+        _ => Line::default(),
+    };
+    let area = picture.rule("Tracking error", right, area, buf);
+    let log = |value: f64| value.max(SMALLEST_ERROR).log10();
+    let (min, max) = range.map_or((-3.0, -2.0), |range| (log(range.min), log(range.max)));
+    let decades = Decades::around(min, max, area.height);
+    let mut lines = lines(picture, &picture.view.error, area);
+    for point in lines.iter_mut().flatten() {
+        point.1 = log(point.1);
+    }
+    let plot = Plot { lines, ink: Ink::Tip, y: decades.bounds(), labels: decades.labels() };
+    plot.paint(picture, area, buf);
+}
+
+/// The regulating factor.
+pub fn factor(picture: &Picture, area: Rect, buf: &mut Buffer) {
+    let overview = &picture.view.overview;
+    let law = overview.law().or(picture.view.scenario().map(|scenario| scenario.law.kind));
+    let [from, to] = window(picture);
+    let range = picture.view.factor.range(from, to);
+    let right = match (law, &overview.error) {
+        (Some(LawKind::Mtj), Some(error)) => {
+            let axes = (error.header.axes as usize).min(error.factor.len());
+            let now: Vec<_> = error.factor[..axes].iter().map(|k| format!("{k:.3}")).collect();
+            let lowest = range.map_or(String::new(), |range| format!("  lowest {:.3}", range.min));
+            Line::from(vec![picture.ink(now.join(" "), Ink::Well), picture.ink(lowest, Ink::Faint)])
+        }
+        (Some(law), _) if law != LawKind::Mtj => {
+            Line::from(picture.ink(format!("{} has none", law.name()), Ink::Faint))
+        }
+        _ => Line::default(),
+    };
+    let area = picture.rule("Regulating factor k", right, area, buf);
+    // Room at both ends, so that a line along one of them is seen.
+    let top = range.map_or(1.0, |range| range.max.max(1.0));
+    let plot = Plot {
+        lines: lines(picture, &picture.view.factor, area),
+        ink: Ink::Well,
+        y: [-0.04 * top, 1.04 * top],
+        labels: vec!["0".to_owned(), super::figure(top)],
+    };
+    plot.paint(picture, area, buf);
+}
+
+/// The time that the charts show: it fills from the left, then moves on.
+fn window(picture: &Picture) -> [f64; 2] {
+    let from = (picture.view.overview.time() - picture.window).max(0.0);
+    [from, from + picture.window]
+}
+
+fn lines(picture: &Picture, track: &Track, area: Rect) -> Vec<Vec<(f64, f64)>> {
+    let [from, to] = window(picture);
+    let period =
+        picture.view.scenario().map_or(0.0, |scenario| scenario.timing.sample_period.as_secs_f64());
+    track.lines(from, to, 2 * usize::from(area.width), GAP.max(3.0 * period))
+}
+
+/// A logarithmic axis from one power of ten to another.
+struct Decades {
+    lowest: i32,
+    highest: i32,
+    step: i32,
+}
+
+impl Decades {
+    fn around(min: f64, max: f64, height: u16) -> Self {
+        let lowest = min.floor() as i32;
+        let highest = (max.ceil() as i32).max(lowest + 1);
+        // A label at each power of ten if they have two rows each; else at the ends.
+        let is_roomy = 2 * (highest - lowest) < i32::from(height);
+        Self { lowest, highest, step: if is_roomy { 1 } else { highest - lowest } }
+    }
+
+    fn bounds(&self) -> [f64; 2] {
+        [f64::from(self.lowest), f64::from(self.highest)]
+    }
+
+    fn labels(&self) -> Vec<String> {
+        let powers = (self.lowest..=self.highest).step_by(self.step as usize);
+        powers.map(|power| format!("1e{power}")).collect()
+    }
+}
+
+struct Plot {
+    lines: Vec<Vec<(f64, f64)>>,
+    ink: Ink,
+    y: [f64; 2],
+    labels: Vec<String>,
+}
+
+impl Plot {
+    fn paint(&self, picture: &Picture, area: Rect, buf: &mut Buffer) {
+        // Without room for an axis a chart says nothing.
+        if area.height < 3 {
+            return;
+        }
+        let [from, to] = window(picture);
+        let marks = self.marks(picture, area);
+        let faint = picture.palette.style(Ink::Faint);
+        let dataset = |points, graph_type, ink| {
+            Dataset::default()
+                .data(points)
+                .marker(Marker::Braille)
+                .graph_type(graph_type)
+                .style(picture.palette.style(ink))
+        };
+        let mut datasets = vec![dataset(&marks, GraphType::Scatter, Ink::Mark)];
+        datasets.extend(self.lines.iter().map(|line| dataset(line, GraphType::Line, self.ink)));
+        let times = [from, f64::midpoint(from, to), to].map(|time| format!("{time:.0} s"));
+        let labels = self.labels.iter().map(|label| Line::from(label.clone()));
+        Chart::new(datasets)
+            .x_axis(Axis::default().bounds([from, to]).labels(times).style(faint))
+            .y_axis(Axis::default().bounds(self.y).labels(labels).style(faint))
+            .render(area, buf);
+    }
+
+    /// Dotted upright lines where a knob was turned.
+    fn marks(&self, picture: &Picture, area: Rect) -> Vec<(f64, f64)> {
+        let [low, high] = self.y;
+        let dots = 2 * area.height;
+        let changes = picture.view.overview.changes.iter().filter(|change| change.accepted == 1);
+        let times = changes.map(|change| change.header.time_ns as f64 * 1e-9);
+        times
+            .flat_map(|time| {
+                (0..=dots).map(move |i| (time, low + (high - low) * f64::from(i) / f64::from(dots)))
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,200 @@
+//! What is on the screen, panel by panel.
+//!
+//! ```text
+//! edges     title, facts, banner, keys
+//! arm       the arm at scale, its desired path and the trail of its tip
+//! chart     tracking error and regulating factor over time
+//! effort    torques with their limits; force and memory in the task
+//! timing    round trip, residence and jitter
+//! session   commands, roles, changes
+//! ```
+
+mod arm;
+mod chart;
+mod edges;
+mod effort;
+mod session;
+mod timing;
+
+use ratatui::{
+    buffer::Buffer,
+    layout::{Constraint, Layout, Rect},
+    text::{Line, Span},
+    widgets::Widget,
+};
+
+use super::{
+    palette::{Ink, Palette},
+    view::View,
+};
+use crate::overview::Overview;
+
+/// The smallest screen that holds the essentials.
+pub const SMALLEST: (u16, u16) = (60, 16);
+/// From this size on everything has a place.
+const ROOMY: (u16, u16) = (80, 22);
+
+/// What to draw.
+pub struct Picture<'a> {
+    /// What is shown: by now, or as it was when the view was held.
+    pub view: &'a View,
+    /// What is known by now: alarms and roles are never held.
+    pub live: &'a Overview,
+    /// Whether the view stands still.
+    pub is_held: bool,
+    /// How much time the charts show, s.
+    pub window: f64,
+    /// Session and bus.
+    pub place: &'a str,
+    /// What this process said lately besides.
+    pub aside: Option<String>,
+    /// Whether the keys are explained.
+    pub is_helping: bool,
+    /// The colours.
+    pub palette: Palette,
+}
+
+impl Picture<'_> {
+    /// Draws all of it.
+    pub fn paint(&self, area: Rect, buf: &mut Buffer) {
+        if area.width < SMALLEST.0 || area.height < SMALLEST.1 {
+            return edges::too_small(self, area, buf);
+        }
+        let alarm = self.live.alarm();
+        let [title, facts, banner, body, keys] = Layout::vertical([
+            Constraint::Length(1),
+            Constraint::Length(1),
+            Constraint::Length(u16::from(alarm.is_some())),
+            Constraint::Fill(1),
+            Constraint::Length(1),
+        ])
+        .areas(area);
+        edges::title(self, title, buf);
+        edges::facts(self, facts, buf);
+        if let Some(alarm) = alarm {
+            edges::banner(self, alarm, banner, buf);
+        }
+        let is_roomy = area.width >= ROOMY.0 && area.height >= ROOMY.1;
+        if self.is_helping {
+            edges::help(self, body, buf);
+        } else if is_roomy {
+            self.roomy(body, buf);
+        } else {
+            self.compact(body, buf);
+        }
+        edges::keys(self, is_roomy && !self.is_helping, keys, buf);
+    }
+
+    fn roomy(&self, area: Rect, buf: &mut Buffer) {
+        let joints = self.joints();
+        // Numbers need their rows; drawings take what is left, and most of what is more.
+        let needed = 6 + joints.max(3);
+        let numbers = needed.max(area.height * 2 / 5).min(area.height.saturating_sub(10));
+        let [drawings, numbers] =
+            Layout::vertical([Constraint::Fill(1), Constraint::Length(numbers)]).areas(area);
+        // A cell is twice as high as it is wide.
+        let arm = (2 * drawings.height).min(area.width * 2 / 5);
+        let [left, right] = Layout::horizontal([Constraint::Length(arm), Constraint::Fill(1)])
+            .spacing(1)
+            .areas(drawings);
+        let [error, factor] =
+            Layout::vertical([Constraint::Fill(3), Constraint::Fill(2)]).areas(right);
+        arm::paint(self, left, buf);
+        chart::error(self, error, buf);
+        chart::factor(self, factor, buf);
+
+        let columns: [Rect; 3] =
+            Layout::horizontal([Constraint::Fill(1); 3]).spacing(1).areas(numbers);
+        let [torques, task] =
+            Layout::vertical([Constraint::Length(1 + joints), Constraint::Fill(1)])
+                .areas(columns[0]);
+        effort::torques(self, torques, buf);
+        effort::task(self, task, buf);
+        timing::paint(self, columns[1], buf);
+        session::paint(self, columns[2], buf);
+    }
+
+    fn compact(&self, area: Rect, buf: &mut Buffer) {
+        let numbers = if area.height >= 16 { 7 } else { 6 };
+        let [drawings, numbers] =
+            Layout::vertical([Constraint::Fill(1), Constraint::Length(numbers)]).areas(area);
+        let arm = (2 * drawings.height).min(area.width * 2 / 5);
+        let [left, right] = Layout::horizontal([Constraint::Length(arm), Constraint::Fill(1)])
+            .spacing(1)
+            .areas(drawings);
+        arm::paint(self, left, buf);
+        chart::error(self, right, buf);
+        let [left, right] = Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)])
+            .spacing(1)
+            .areas(numbers);
+        let joints = self.joints().min(left.height - 2);
+        let [torques, task] =
+            Layout::vertical([Constraint::Length(1 + joints), Constraint::Fill(1)]).areas(left);
+        effort::torques(self, torques, buf);
+        effort::axes(self, task, buf);
+        timing::brief(self, right, buf);
+    }
+
+    fn joints(&self) -> u16 {
+        self.view.overview.header().map_or(2, |header| header.joints as u16)
+    }
+
+    fn ink<'a>(&self, words: impl Into<std::borrow::Cow<'a, str>>, ink: Ink) -> Span<'a> {
+        Span::styled(words, self.palette.style(ink))
+    }
+
+    /// A panel's first line: its title, a rule, and something at the right end. Returns the rest.
+    fn rule(&self, title: &str, right: Line, area: Rect, buf: &mut Buffer) -> Rect {
+        let [line, rest] =
+            Layout::vertical([Constraint::Length(1), Constraint::Fill(1)]).areas(area);
+        if line.is_empty() {
+            return rest;
+        }
+        self.ink("─".repeat(line.width.into()), Ink::Faint).render(line, buf);
+        Line::from(vec![self.ink(title, Ink::Strong), Span::raw(" ")]).render(line, buf);
+        let width = right.width() as u16;
+        let free = line.width.saturating_sub(title.chars().count() as u16 + 2);
+        if 0 < width && width < free {
+            let at = Rect { x: line.right() - width - 1, width: width + 1, ..line };
+            Line::from(Span::raw(" ")).render(at, buf);
+            right.render(Rect { x: at.x + 1, width, ..at }, buf);
+        }
+        rest
+    }
+}
+
+/// Lines from the top of an area, as many as fit.
+fn stack<'a>(lines: impl IntoIterator<Item = Line<'a>>, area: Rect, buf: &mut Buffer) {
+    for (row, line) in area.rows().zip(lines) {
+        line.render(row, buf);
+    }
+}
+
+/// Pieces one after another, in as many lines as they need.
+fn flow<'a>(pieces: Vec<Vec<Span<'a>>>, width: u16) -> Vec<Line<'a>> {
+    let mut lines: Vec<Line> = Vec::new();
+    for piece in pieces {
+        let piece = Line::from(piece);
+        match lines.last_mut() {
+            Some(line) if line.width() + 2 + piece.width() <= width.into() => {
+                line.push_span(Span::raw("  "));
+                line.spans.extend(piece.spans);
+            }
+            _ => lines.push(piece),
+        }
+    }
+    lines
+}
+
+/// Three digits that matter, in at most six characters.
+fn figure(value: f64) -> String {
+    match value.abs() {
+        magnitude if magnitude < 9.995 => format!("{value:.2}"),
+        magnitude if magnitude < 99.95 => format!("{value:.1}"),
+        magnitude if magnitude < 99_999.5 => format!("{value:.0}"),
+        _ => format!("{value:.0e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,52 @@
+//! Answers recorded states once more, and holds the answers against the recorded ones.
+//!
+//! ```text
+//! pairs       which torque answered which state
+//! understudy  the controller that answers once more
+//! findings    what comes out of it
+//! ```
+
+mod findings;
+mod pairs;
+mod understudy;
+
+use mtj_model::scenario::Override;
+use mtj_monitor::recording::Recording;
+use mtj_protocol::port::Message;
+
+pub use self::findings::Findings;
+use self::{pairs::Pairs, understudy::Understudy};
+
+/// Answers the states of a recording, with `set` laid over its scenarios.
+pub fn replay(recording: &mut Recording, set: &[Override]) -> Result<Findings, String> {
+    let mut findings = Findings::default();
+    let mut pairs = Pairs::default();
+    let mut understudy = Understudy::new(set);
+    for recorded in &mut *recording {
+        let message = recorded?.message;
+        match &message {
+            Message::Scenario(offered) => understudy.learn(offered)?,
+            Message::State(state) => {
+                findings.states += 1;
+                pairs.ask(*state);
+            }
+            Message::Torque(torque) => {
+                findings.torques += 1;
+                pairs.answer(*torque);
+            }
+            _ => {}
+        }
+        // A scenario may be heard a moment after the first samples that are about it.
+        while let Some(pair) = pairs.next(|header| understudy.knows(header)) {
+            understudy.answer(&pair, &mut findings)?;
+        }
+    }
+    while let Some(pair) = pairs.next(|_| true) {
+        understudy.answer(&pair, &mut findings)?;
+    }
+    pairs.finish();
+    findings.repeated = pairs.repeated();
+    findings.without_state = pairs.without_state();
+    findings.cut_short = recording.is_cut_short();
+    Ok(findings)
+}

@@ -1,0 +1,118 @@
+//! The controller that answers once more.
+
+use mtj_controller::Controller;
+use mtj_model::scenario::{Override, Scenario};
+use mtj_protocol::{
+    port::Offered,
+    sample::{Header, TorqueSample},
+};
+
+use super::{
+    findings::{Findings, Instant},
+    pairs::Pair,
+};
+
+/// Follows a recorded run with a controller of its own.
+pub struct Understudy<'a> {
+    set: &'a [Override],
+    /// Of the newest run, by revision.
+    scenarios: Vec<(u64, u32, Scenario)>,
+    role: Option<Role>,
+}
+
+struct Role {
+    run: u64,
+    revision: u32,
+    controller: Controller,
+    /// Some of what the recorded controller remembers is not known yet.
+    is_joining: bool,
+}
+
+impl<'a> Understudy<'a> {
+    /// Answers as the recorded scenarios say, with `set` laid over them.
+    pub fn new(set: &'a [Override]) -> Self {
+        Self { set, scenarios: Vec::new(), role: None }
+    }
+
+    /// Takes in a scenario that states will be about.
+    pub fn learn(&mut self, offered: &Offered) -> Result<(), String> {
+        let Offered { run, revision, scenario } = offered;
+        let scenario = Scenario::parse(&scenario.name, scenario.text(), self.set)
+            .map_err(|error| error.to_string())?;
+        // Answers of the run before may still come.
+        let before = self.role.as_ref().map(|role| role.run);
+        self.scenarios.retain(|(known, ..)| known == run || Some(*known) == before);
+        self.scenarios.push((*run, *revision, scenario));
+        Ok(())
+    }
+
+    /// Whether it has the scenario that a sample is about.
+    pub fn knows(&self, header: &Header) -> bool {
+        scenario_of(&self.scenarios, header).is_some()
+    }
+
+    /// Answers a state and holds the answer against the recorded one.
+    pub fn answer(&mut self, pair: &Pair, findings: &mut Findings) -> Result<(), String> {
+        let Pair { state, torque, after_gap } = pair;
+        let refuse = |error| format!("at {}: {error}", Instant::of(&state.header));
+        let Some((revision, scenario)) = scenario_of(&self.scenarios, &state.header) else {
+            findings.without_scenario += 1;
+            self.role = None;
+            return Ok(());
+        };
+        let is_new = self.role.as_ref().is_none_or(|role| role.run != state.header.run);
+        let role = self.role.get_or_insert_with(|| Role::new(&state.header, revision, scenario));
+        if is_new {
+            *role = Role::new(&state.header, revision, scenario);
+        } else if role.revision != revision {
+            role.revision = revision;
+            role.controller.adopt(scenario);
+        }
+        role.is_joining |= after_gap;
+        if role.is_joining {
+            role.controller.take_over(state, torque).map_err(refuse)?;
+            // What is latched at the beginning of a memory step lasts until the next.
+            let step = scenario.law.memory.step.as_nanos() as u64;
+            let period = scenario.timing.sample_period.as_nanos() as u64;
+            role.is_joining = state.header.time_ns % step >= period;
+            findings.joined += 1;
+            return Ok(());
+        }
+        let answer = role.controller.respond(state).map_err(refuse)?;
+        if self.set.is_empty() && !is_same(&answer, torque) {
+            let mut fresh = Controller::new(scenario);
+            if fresh.respond(state).is_ok_and(|answer| is_same(&answer, torque)) {
+                role.controller = fresh;
+                findings.restarts += 1;
+                findings.compared += 1;
+                return Ok(());
+            }
+        }
+        findings.compare(torque, &answer, is_same(&answer, torque));
+        Ok(())
+    }
+}
+
+impl Role {
+    fn new(header: &Header, revision: u32, scenario: &Scenario) -> Self {
+        let is_joining = header.sequence > 0;
+        Self { run: header.run, revision, controller: Controller::new(scenario), is_joining }
+    }
+}
+
+/// The scenario that a state is about: as the roles do, the next one known if its own is not.
+fn scenario_of<'s>(
+    scenarios: &'s [(u64, u32, Scenario)],
+    header: &Header,
+) -> Option<(u32, &'s Scenario)> {
+    scenarios
+        .iter()
+        .filter(|(run, revision, _)| *run == header.run && *revision >= header.revision)
+        .min_by_key(|(_, revision, _)| *revision)
+        .map(|(_, revision, scenario)| (*revision, scenario))
+}
+
+/// To the last bit.
+fn is_same(answer: &TorqueSample, recorded: &TorqueSample) -> bool {
+    answer.torque.map(f64::to_bits) == recorded.torque.map(f64::to_bits)
+}
