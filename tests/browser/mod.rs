@@ -60,7 +60,8 @@ impl Browser {
             let (_, port) = line.rsplit_once("started successfully on port ")?;
             port.trim_end_matches('.').parse::<u16>().ok()
         });
-        let port = port.expect("chromedriver says on which port it listens");
+        let port =
+            port.unwrap_or_else(|| panic!("chromedriver does not say on which port it listens"));
         let agent: ureq::Agent = ureq::Agent::config_builder()
             .timeout_global(Some(PATIENCE))
             .http_status_as_error(false)
