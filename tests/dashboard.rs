@@ -89,7 +89,7 @@ fn the_page_shows_a_session_live() {
         browser.until(&format!("mtj.store.extent('{series}', 0, 1e9)"));
     }
     let links = browser.run("return mtj.store.scenario.links");
-    assert_eq!(links, serde_json::json!([1.0, 1.0]));
+    assert_eq!(links, serde_json::json!([1, 1]));
     // The tip is where two links of 1 m and the angles that are shown put it.
     let distance = browser.number(
         "(() => {

@@ -60,7 +60,8 @@ impl Browser {
             let (_, port) = line.rsplit_once("started successfully on port ")?;
             port.trim_end_matches('.').parse::<u16>().ok()
         });
-        let port = port.expect("chromedriver says on which port it listens");
+        let port =
+            port.unwrap_or_else(|| panic!("chromedriver does not say on which port it listens"));
         let agent: ureq::Agent = ureq::Agent::config_builder()
             .timeout_global(Some(PATIENCE))
             .http_status_as_error(false)
@@ -134,13 +135,11 @@ impl Browser {
         fs::write(file, base64(picture["data"].as_str().unwrap())).unwrap();
     }
 
-    /// What the console of the page was told since the last call, except for mere information.
+    /// The errors that the console of the page was told since the last call.
     pub fn complaints(&self) -> Vec<String> {
         let entries = self.post("/se/log", &json!({ "type": "browser" }));
-        let entries = entries.as_array().unwrap().iter();
-        let serious =
-            entries.filter(|entry| entry["level"] == "SEVERE" || entry["level"] == "WARNING");
-        serious.map(|entry| entry["message"].as_str().unwrap().to_owned()).collect()
+        let errors = entries.as_array().unwrap().iter().filter(|entry| entry["level"] == "SEVERE");
+        errors.map(|entry| entry["message"].as_str().unwrap().to_owned()).collect()
     }
 
     fn command(&self, name: &str, parameters: &Value) -> Value {

@@ -65,13 +65,15 @@ class Linear {
     return (value - this.low) / (this.high - this.low);
   }
 
-  ticks() {
+  /** Ticks at every step, with at most `most` labels, one of them at zero. */
+  ticks(most) {
+    const every = Math.ceil(Math.round((this.high - this.low) / this.step + 1) / most);
     const [factor, prefix] = this.unit === "" ? [1, ""] : prefixFor(Math.max(Math.abs(this.low), Math.abs(this.high)));
     const decimals = Math.max(0, -Math.floor(Math.log10(this.step / factor) + 1e-9));
     const ticks = [];
     for (let i = Math.round(this.low / this.step); i * this.step <= this.high + this.step * 1e-6; i += 1) {
       const number = digits((i * this.step) / factor, decimals);
-      const label = i === 0 ? "0" : this.unit === "" ? number : `${number}${SPACE}${prefix}${this.unit}`;
+      const label = i % every !== 0 ? "" : i === 0 ? "0" : this.unit === "" ? number : `${number}${SPACE}${prefix}${this.unit}`;
       ticks.push({ value: i * this.step, label });
     }
     return ticks;

@@ -36,7 +36,7 @@ const FORMS = {
   list: { show: (value) => [...new Set([value ?? []].flat())].length === 1 ? String([value].flat()[0]) : [value ?? []].flat().join(", "), write: list },
   number: { show: (value) => (value == null ? "" : String(value)), write: (text) => text.trim().replace(",", ".") },
   duration: {
-    show: (value) => value ?? "",
+    show: (value) => (value ?? "").replace(/(\d)([a-zµ])/, "$1 $2"),
     // A bare number is meant in ms.
     write: (text) => (/[a-zµ]\s*$/.test(text) ? text.replace(/\s+/g, "") : `${text.trim().replace(",", ".")}ms`),
   },
@@ -158,7 +158,7 @@ class Knob {
   }
 
   #refuse(reason) {
-    this.#refusal.textContent = reason;
+    this.#refusal.textContent = reason.replace(/^--set: /, "");
     this.#element.classList.toggle("refused", reason !== "");
     for (const input of this.#inputs) {
       if (reason !== "") {

@@ -156,7 +156,7 @@ function log() {
     const time = document.createElement("time");
     time.textContent = `${mark.time.toFixed(1)} s`;
     const words = document.createElement("span");
-    words.textContent = mark.accepted ? mark.words : `refused: ${mark.reason ?? mark.words}`;
+    words.textContent = mark.accepted ? mark.words : `refused: ${(mark.reason ?? mark.words).replace(/^--set: /, "")}`;
     item.append(time, words);
     item.classList.toggle("refused", !mark.accepted);
     return item;

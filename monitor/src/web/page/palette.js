@@ -35,12 +35,12 @@ export class Palette extends EventTarget {
       button.textContent = `Theme: ${theme}`;
       this.#refresh();
     };
-    let theme = localStorage.getItem("mtj.theme");
+    let theme = kept();
     if (!ORDER.includes(theme)) theme = "auto";
     show(theme);
     button.addEventListener("click", () => {
       theme = ORDER[(ORDER.indexOf(theme) + 1) % ORDER.length];
-      localStorage.setItem("mtj.theme", theme);
+      keep(theme);
       show(theme);
     });
   }
@@ -48,5 +48,23 @@ export class Palette extends EventTarget {
   #refresh() {
     this.#colours.clear();
     this.dispatchEvent(new Event("change"));
+  }
+}
+
+// A browser that is told to keep nothing throws; the choice then lasts as long as the page.
+
+function kept() {
+  try {
+    return localStorage.getItem("mtj.theme");
+  } catch {
+    return null;
+  }
+}
+
+function keep(theme) {
+  try {
+    localStorage.setItem("mtj.theme", theme);
+  } catch {
+    // Nothing to be done, and nothing lost that matters.
   }
 }

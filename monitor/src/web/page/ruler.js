@@ -56,6 +56,13 @@ export class Ruler {
 const ROW = 16;
 const ROWS = 2;
 
+/** At most so many characters say what a mark is; the list of changes has the whole. */
+const LONGEST = 46;
+
+function shortened(words) {
+  return words.length > LONGEST ? `${words.slice(0, LONGEST - 1)}…` : words;
+}
+
 /** Says in words what happened at the marks; where there is no room the newest have it. */
 export class Lane {
   #surface;
@@ -78,30 +85,28 @@ export class Lane {
     context.textAlign = "left";
     context.textBaseline = "middle";
     context.lineWidth = 1;
-    // Each row is free up to here, coming from the right.
+    // Each row is free up to here, coming from the right; no words are written across a line.
     const free = Array(ROWS).fill(surface.width);
+    const lines = [];
     for (const mark of store.marks.filter(({ time }) => columns.contains(time)).reverse()) {
       const x = columns.x(mark.time);
       context.fillStyle = palette.colour(mark.accepted ? "mark" : "refused");
       context.strokeStyle = context.fillStyle;
-      const words = mark.accepted ? mark.words : `refused: ${mark.words}`;
+      const words = shortened(mark.accepted ? mark.words : `refused: ${mark.words.replace(/^--set: /, "")}`);
       const width = context.measureText(words).width;
-      // Beside its line if that fits, else to the left of it.
-      const beside = x + 5 + width <= surface.width;
-      const start = beside ? x + 5 : x - 5 - width;
-      const row = free.findIndex((limit) => Math.max(start + width, x) <= limit && start >= 0);
-      if (row < 0) {
-        context.beginPath();
-        rule(context, x, ROW * ROWS - 4, x, surface.height);
-        context.stroke();
-        continue;
-      }
-      free[row] = Math.min(start, x) - 8;
-      const top = row * ROW;
+      const place = [x + 5, x - 5 - width]
+        .flatMap((start) => free.map((limit, row) => ({ start, row, limit })))
+        .find(({ start, limit }) => {
+          const end = Math.max(start + width, x);
+          return start >= 0 && end <= limit && !lines.some((line) => line > start && line < end);
+        });
       context.beginPath();
-      rule(context, x, top + 2, x, surface.height);
+      rule(context, x, place ? place.row * ROW + 2 : ROW * ROWS - 4, x, surface.height);
       context.stroke();
-      context.fillText(words, start, top + ROW / 2 + 1);
+      if (!place) continue;
+      context.fillText(words, place.start, place.row * ROW + ROW / 2 + 1);
+      free[place.row] = Math.min(place.start, x) - 8;
+      lines.push(x);
     }
   }
 }

@@ -151,7 +151,7 @@ export class Strip {
     const y = (value) => plot.bottom - axis.place(value) * (plot.bottom - plot.top);
 
     const context = surface.clear();
-    this.#drawGrid(context, columns, axis, plot, y, most);
+    this.#drawGrid(context, columns, axis, plot, y);
     this.#drawLimits(context, columns, axis, y);
     context.save();
     context.beginPath();
@@ -208,7 +208,7 @@ export class Strip {
     return this.#axis;
   }
 
-  #drawGrid(context, columns, axis, plot, y, most) {
+  #drawGrid(context, columns, axis, plot, y) {
     const { palette } = this.#session;
     const { width, height } = this.#surface;
     const left = columns.left;
@@ -219,7 +219,7 @@ export class Strip {
       for (const value of axis.minor()) rule(context, left, y(value), width, y(value));
       context.stroke();
     }
-    const ticks = axis.ticks(most);
+    const ticks = axis.ticks(Math.max(2, Math.floor((plot.bottom - plot.top) / 12)));
     context.strokeStyle = palette.colour("grid");
     context.beginPath();
     for (const tick of ticks) rule(context, left, y(tick.value), width, y(tick.value));

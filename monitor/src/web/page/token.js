@@ -5,14 +5,21 @@ const KEY = "mtj.token";
 /** The token of this tab, if it was ever given one. */
 export function token() {
   const given = /^#token=(.+)$/.exec(location.hash)?.[1];
-  if (given) {
-    sessionStorage.setItem(KEY, decodeURIComponent(given));
-    history.replaceState(null, "", location.pathname + location.search);
+  if (given) history.replaceState(null, "", location.pathname + location.search);
+  try {
+    if (given) sessionStorage.setItem(KEY, decodeURIComponent(given));
+    return sessionStorage.getItem(KEY);
+  } catch {
+    // A browser that is told to keep nothing: the token lasts until the page is loaded again.
+    return given ?? null;
   }
-  return sessionStorage.getItem(KEY);
 }
 
 /** Forgets a token that was refused. */
 export function forgetToken() {
-  sessionStorage.removeItem(KEY);
+  try {
+    sessionStorage.removeItem(KEY);
+  } catch {
+    // There is none, then.
+  }
 }
