@@ -21,7 +21,7 @@ use super::{
     Place,
     board::Board,
     history::{Bin, WIDTH_NS},
-    series::{COUNT, NAMES},
+    series::NAMES,
 };
 use crate::overview::{Alarm, Overview, Party, Phase};
 
@@ -169,9 +169,9 @@ struct Curves<'a>(&'a [Bin]);
 impl Serialize for Curves<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
-        for series in 0..COUNT {
+        for (series, name) in NAMES.iter().enumerate() {
             if self.0.iter().any(|bin| !bin.ranges[series].is_empty()) {
-                map.serialize_entry(NAMES[series], &Curve { bins: self.0, series })?;
+                map.serialize_entry(name, &Curve { bins: self.0, series })?;
             }
         }
         map.end()
