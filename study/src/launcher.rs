@@ -74,8 +74,16 @@ pub struct Launch {
     pub options: ScenarioOptions,
     /// Where the plant writes its trace.
     pub trace: Option<std::path::PathBuf>,
-    /// The arguments of the monitor that shows the run, if one does.
-    pub monitor: Option<Vec<String>>,
+    /// The monitor that shows the run, if one does.
+    pub monitor: Option<Show>,
+}
+
+/// How a run is shown.
+pub struct Show {
+    /// Printed when the monitor listens.
+    pub greeting: String,
+    /// The monitor's arguments.
+    pub arguments: Vec<String>,
 }
 
 impl Launch {
@@ -101,10 +109,7 @@ impl Launch {
         let others = self.other_arguments(scenario);
         let mut plant = self.spawn("plant", &self.plant_arguments(), Stdio::piped())?;
         let mut monitor = match &self.monitor {
-            Some(arguments) => {
-                let all = [&others[..], &arguments[..]].concat();
-                Some(self.spawn_monitor(&all).await?)
-            }
+            Some(show) => Some(self.spawn_monitor(show, &others, &mut plant).await?),
             None => None,
         };
         // Last, because the run begins with it: a recorder is to hear the first sample.
@@ -172,16 +177,27 @@ impl Launch {
         Ok(RoleProcess { process, leash })
     }
 
-    /// Starts a monitor and waits until it listens, as long as it lives, for a bounded time.
-    async fn spawn_monitor(&self, arguments: &[String]) -> io::Result<RoleProcess> {
-        let mut command = role_command("monitor", arguments, Stdio::inherit())?;
+    /// Starts a monitor and waits until it listens, as long as it and the plant live, for a bounded time.
+    async fn spawn_monitor(
+        &self,
+        show: &Show,
+        others: &[String],
+        plant: &mut RoleProcess,
+    ) -> io::Result<RoleProcess> {
+        let arguments = [others, &show.arguments].concat();
+        let mut command = role_command("monitor", &arguments, Stdio::inherit())?;
         command.stderr(Stdio::piped());
         let mut process = Command::from(command).kill_on_drop(true).spawn()?;
         let leash = process.stdin.take();
         if let Some(stderr) = process.stderr.take() {
             let (listens, is_listening) = oneshot::channel();
             tokio::spawn(pass_on(stderr, listens));
-            let _ = timeout(GRACE, is_listening).await;
+            tokio::select! {
+                listening = timeout(GRACE, is_listening) => if let Ok(Ok(())) = listening {
+                    println!("{}", show.greeting);
+                },
+                _ = plant.process.wait() => {}
+            }
         }
         Ok(RoleProcess { process, leash })
     }

@@ -14,6 +14,8 @@ use super::topic::header;
 pub struct Timeline {
     run: Option<u64>,
     began_ns: u64,
+    /// Of the newest state.
+    sequence: u64,
     /// The run's time stands still, waiting for a controller or paused: its beginning moves on.
     stands: bool,
 }
@@ -24,11 +26,14 @@ impl Timeline {
         match message {
             Message::State(state) => {
                 self.follow(&state.header, now_ns);
-                self.stands = state.header.sequence == 0;
+                self.sequence = state.header.sequence;
+                self.stands = self.sequence == 0;
             }
             Message::Status(StatusSample { header, phase, .. }) => {
                 self.follow(header, now_ns);
-                self.stands |= matches!(phase, 0 | 3);
+                // Topics are heard one after the other: time may have gone on since.
+                let is_newest = header.sequence >= self.sequence;
+                self.stands |= is_newest && matches!(phase, 0 | 3);
             }
             _ => {}
         }
@@ -43,7 +48,9 @@ impl Timeline {
 
     fn follow(&mut self, header: &Header, now_ns: u64) {
         if self.stands || self.run != Some(header.run) {
-            self.run = Some(header.run);
+            if self.run.replace(header.run) != Some(header.run) {
+                self.sequence = 0;
+            }
             self.began_ns = now_ns.saturating_sub(header.time_ns);
         }
     }
@@ -81,6 +88,19 @@ mod tests {
         assert_eq!(timeline.place(&state(1, 501, 5010), DAY + 4321), DAY + 10);
         assert_eq!(timeline.place(&status(1, 1, 5010), DAY + 4322), DAY + 10);
         assert_eq!(timeline.place(&state(2, 7, 70), DAY + 9000), DAY + 9000, "another run");
+    }
+
+    #[test]
+    fn a_status_from_before_the_run_went_on_stops_no_clock() {
+        let mut timeline = Timeline::default();
+        for (phase, first) in [(0, 0), (3, 50)] {
+            timeline.place(&state(1, first, 10 * first), DAY);
+            timeline.place(&status(1, phase, 10 * first), DAY + 500);
+            let begun = timeline.place(&state(1, first + 1, 10 * first + 10), DAY + 900);
+            timeline.place(&status(1, phase, 10 * first), DAY + 901);
+            let next = timeline.place(&state(1, first + 2, 10 * first + 20), DAY + 950);
+            assert_eq!((begun, next), (DAY + 900, DAY + 910), "phase {phase}");
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use mtj_monitor::options::AudienceOptions;
 use mtj_plant::options::ScenarioOptions;
 
 use super::{Failure, run::launch_roles};
-use crate::launcher::Launch;
+use crate::launcher::{Launch, Show};
 
 /// Start plant, controller and monitor in real time, with a live view; Ctrl-C ends all three
 #[derive(Args, Debug)]
@@ -41,7 +41,7 @@ impl Up {
             self.scenario.bus.bus = Some(BusKind::Iceoryx2.name().to_owned());
             scenario = self.scenario.load()?;
         }
-        println!(
+        let greeting = format!(
             "mtj up: {} under {} over {}, T_s = {:?}; Ctrl-C ends it, 'mtj set KEY=VALUE' changes it",
             scenario.name,
             scenario.law.kind.name(),
@@ -57,7 +57,7 @@ impl Up {
         if !self.no_web {
             self.audience.web = self.audience.web.wanted();
         }
-        let monitor = Some(self.audience.arguments());
+        let monitor = Some(Show { greeting, arguments: self.audience.arguments() });
         let launch = Launch { options: self.scenario, trace: None, monitor };
         print!("{}", launch_roles(launch, &scenario)?);
         Ok(())
