@@ -196,7 +196,7 @@ impl Overview {
         if let Some(before) = &self.state {
             let steps = state.header.sequence.saturating_sub(before.header.sequence);
             self.missed += steps.saturating_sub(1);
-            if steps > 0 {
+            if steps > 0 && tells_of_another_torque(before, state) {
                 self.round_trips.record(state.round_trip_ns);
                 self.residence.record(state.residence_ns);
             }
@@ -277,6 +277,13 @@ pub fn run_and_time(message: &Message) -> Option<(u64, u64)> {
         Message::Presence(_) | Message::Request(_) => return None,
     };
     Some((header.run, header.time_ns))
+}
+
+/// Whether a torque came between two states. A state tells of the one received last; where none came, it
+/// repeats itself, and no two take the same time to the nanosecond.
+pub fn tells_of_another_torque(before: &StateSample, state: &StateSample) -> bool {
+    let times = |state: &StateSample| (state.round_trip_ns, state.residence_ns);
+    times(state) != times(before)
 }
 
 /// By how much the time between two successive states, as sent, differs from the sample period, ns.

@@ -7,7 +7,7 @@ use mtj_protocol::{
 };
 use nalgebra::{SVector, Vector2};
 
-use crate::overview::period_deviation_ns;
+use crate::overview::{period_deviation_ns, tells_of_another_torque};
 
 /// Where the series of a quantity stand among [`NAMES`]: the first of them, if it has several.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,8 +150,10 @@ impl Readings {
                 put(series as usize, ns as f64 / unit);
             }
         };
-        put_ns(Series::RoundTrip, state.round_trip_ns, 1e3);
-        put_ns(Series::Residence, state.residence_ns, 1e3);
+        if self.before.as_ref().is_none_or(|before| tells_of_another_torque(before, state)) {
+            put_ns(Series::RoundTrip, state.round_trip_ns, 1e3);
+            put_ns(Series::Residence, state.residence_ns, 1e3);
+        }
         put_ns(Series::Latency, state.latency_ns, 1e6);
         if let Some(deviation) =
             self.before.as_ref().and_then(|before| period_deviation_ns(before, state))
