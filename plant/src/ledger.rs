@@ -3,16 +3,29 @@
 use std::{collections::VecDeque, time::Duration};
 
 use mtj_protocol::sample::TorqueSample;
+use serde::{Deserialize, Serialize};
 
-use crate::{
-    clock::Clock,
-    report::{Commands, Durations},
-};
+use crate::{clock::Clock, durations::Durations};
 
 /// How many unanswered states are remembered; older ones count as lost.
 const OUTSTANDING: usize = 4096;
 
-/// What became of the commands that were asked for.
+/// What became of the commands that the plant asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Commands {
+    /// States handed to the controller, each asking for a command.
+    pub sent: u64,
+    /// Commands that came into effect.
+    pub applied: u64,
+    /// Commands that never came, or that a newer one had overtaken.
+    pub lost: u64,
+    /// Commands that came more than a sample period after their state was sent.
+    pub late: u64,
+    /// Torque samples that were not acceptable.
+    pub rejected: u64,
+}
+
+/// The book of a run.
 pub struct Ledger {
     /// The counts so far.
     pub commands: Commands,

@@ -1,6 +1,5 @@
 //! The measures of a run.
 
-use hdrhistogram::Histogram;
 use mtj_model::{
     MAX_JOINTS,
     scenario::{ClockKind, Scenario},
@@ -8,7 +7,10 @@ use mtj_model::{
 use mtj_protocol::sample::Joints;
 use serde::{Deserialize, Serialize};
 
-use crate::ledger::Ledger;
+use crate::{
+    durations::Percentiles,
+    ledger::{Commands, Ledger},
+};
 
 /// What `mtj run --json` prints: one object; what does not apply is null.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -45,75 +47,6 @@ pub struct Report {
     pub round_trip_us: Option<Percentiles>,
     /// The part spent inside the controller, by the controller's clock.
     pub residence_us: Option<Percentiles>,
-}
-
-/// What became of the commands that the plant asked for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Commands {
-    /// States handed to the controller, each asking for a command.
-    pub sent: u64,
-    /// Commands that came into effect.
-    pub applied: u64,
-    /// Commands that never came, or that a newer one had overtaken.
-    pub lost: u64,
-    /// Commands that came more than a sample period after their state was sent.
-    pub late: u64,
-    /// Torque samples that were not acceptable.
-    pub rejected: u64,
-}
-
-/// Percentiles of a duration, µs.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Percentiles {
-    /// Median.
-    pub p50: f64,
-    /// 90 %.
-    pub p90: f64,
-    /// 99 %.
-    pub p99: f64,
-    /// 99.9 %.
-    pub p999: f64,
-    /// The longest.
-    pub max: f64,
-}
-
-/// Durations, counted in buckets of 0.1 % from 1 ns to a minute. Recording allocates nothing.
-pub struct Durations(Histogram<u64>);
-
-const LONGEST_NS: u64 = 60_000_000_000;
-
-impl Default for Durations {
-    #[expect(
-        clippy::expect_used,
-        reason = "constant bounds, checked by every test that runs a loop"
-    )]
-    fn default() -> Self {
-        Self(Histogram::new_with_bounds(1, LONGEST_NS, 3).expect("valid bounds"))
-    }
-}
-
-impl Durations {
-    /// Counts one duration, ns.
-    pub fn record(&mut self, ns: u64) {
-        self.0.saturating_record(ns.clamp(1, LONGEST_NS));
-    }
-
-    /// Forgets everything.
-    pub fn clear(&mut self) {
-        self.0.reset();
-    }
-
-    /// The percentiles; `None` if nothing was recorded.
-    pub fn percentiles(&self) -> Option<Percentiles> {
-        let at = |q| self.0.value_at_quantile(q) as f64 / 1e3;
-        (!self.0.is_empty()).then(|| Percentiles {
-            p50: at(0.5),
-            p90: at(0.9),
-            p99: at(0.99),
-            p999: at(0.999),
-            max: self.0.max() as f64 / 1e3,
-        })
-    }
 }
 
 /// Running sums from which a [`Report`] is made.

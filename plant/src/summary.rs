@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::report::{Percentiles, Report};
+use crate::{durations::Percentiles, report::Report};
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
