@@ -47,6 +47,7 @@ fn a_loop_is_changed_while_it_runs_over(bus: &str) {
     {
         assert!(heard.contains(words), "announced to every monitor: {words} in {heard}");
     }
+    eventually("a second under tj", || monitor.stdout().contains(" s  tj ").then_some(()));
     assert!(!controller.has_ended() && !plant.has_ended());
     plant.signal(nix::sys::signal::Signal::SIGINT);
     assert!(plant.wait().success(), "{}", plant.stderr());
