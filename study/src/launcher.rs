@@ -94,7 +94,8 @@ impl Launch {
         if bus.session.is_none() && scenario.bus.session == "default" {
             bus.session = Some(format!("mtj-{}", std::process::id()));
         }
-        let addressed = scenario.bus.listen.is_some()
+        let addressed = bus.listen.is_some()
+            || scenario.bus.listen.is_some()
             || scenario.bus.connect.is_some()
             || scenario.bus.config.is_some();
         if scenario.bus.kind == BusKind::Zenoh && !addressed {
