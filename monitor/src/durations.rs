@@ -60,11 +60,6 @@ impl RecentDurations {
         }
     }
 
-    /// Forgets everything.
-    pub fn clear(&mut self) {
-        self.parts.clear();
-    }
-
     /// Median, 99 % and longest; `None` if nothing was recorded lately.
     pub fn spread(&self) -> Option<Spread> {
         let all = self.sum();

@@ -39,11 +39,6 @@ impl Durations {
         self.0.saturating_record(ns.clamp(1, LONGEST_NS));
     }
 
-    /// Forgets everything.
-    pub fn clear(&mut self) {
-        self.0.reset();
-    }
-
     /// The percentiles; `None` if nothing was recorded.
     pub fn percentiles(&self) -> Option<Percentiles> {
         let at = |q| self.0.value_at_quantile(q) as f64 / 1e3;

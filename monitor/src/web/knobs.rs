@@ -12,7 +12,7 @@ use mtj_protocol::{knob::Knob, sample::ChangeSample};
 use serde_json::{Value, json};
 use tokio::{sync::oneshot, time::timeout};
 
-use super::server::Server;
+use super::guard::Guard;
 use crate::desk::Counter;
 
 /// The longest request.
@@ -21,12 +21,16 @@ const LONGEST: usize = 16 * 1024;
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// `POST /knob`: asks the plant, and answers with what it says.
-pub async fn turn(State(server): State<Server>, request: Request) -> Response {
-    if let Err(refusal) = server.guard.trust(request.headers()) {
+pub async fn turn(
+    State(guard): State<Guard>,
+    State(counter): State<Option<Counter>>,
+    request: Request,
+) -> Response {
+    if let Err(refusal) = guard.trust(request.headers()) {
         return refuse(refusal.status, refusal.reason);
     }
     // The guard trusts nobody where there is no counter.
-    let Some(counter) = &server.counter else {
+    let Some(counter) = counter else {
         return refuse(StatusCode::FORBIDDEN, "this monitor turns no knobs");
     };
     let kind = request.headers().get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok());
@@ -37,7 +41,7 @@ pub async fn turn(State(server): State<Server>, request: Request) -> Response {
         Ok(knob) => knob,
         Err(reason) => return refuse(StatusCode::BAD_REQUEST, &reason),
     };
-    match ask(counter, knob).await {
+    match ask(&counter, knob).await {
         Ok(change) => answer(&change),
         Err(reason) => refuse(StatusCode::GATEWAY_TIMEOUT, &reason),
     }

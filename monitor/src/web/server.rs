@@ -4,7 +4,7 @@ use std::{convert::Infallible, io::ErrorKind, sync::Arc, time::Duration};
 
 use axum::{
     Extension, Router,
-    extract::{Request, State, WebSocketUpgrade},
+    extract::{FromRef, Request, State, WebSocketUpgrade},
     http::{HeaderName, HeaderValue, StatusCode, Uri, header},
     middleware::{self, Next},
     response::Response,
@@ -43,6 +43,18 @@ pub struct Server {
     pub counter: Option<Counter>,
     /// What dashboards see.
     pub live: Live,
+}
+
+impl FromRef<Server> for Guard {
+    fn from_ref(server: &Server) -> Self {
+        server.guard.clone()
+    }
+}
+
+impl FromRef<Server> for Option<Counter> {
+    fn from_ref(server: &Server) -> Self {
+        server.counter.clone()
+    }
 }
 
 /// Held as long as a connection lasts.

@@ -78,14 +78,8 @@ impl MonitorPort {
             hear(Message::State(sample));
             Ok(())
         })?;
-        judge.drain(&mut *self.torques, &mut |sample| {
-            hear(Message::Torque(sample));
-            Ok(())
-        })?;
-        judge.drain(&mut *self.errors, &mut |sample| {
-            hear(Message::Error(sample));
-            Ok(())
-        })?;
+        judge.pass_on(&mut *self.torques, Message::Torque, hear)?;
+        judge.pass_on(&mut *self.errors, Message::Error, hear)?;
         judge.drain(&mut *self.statuses, &mut |sample| {
             if let Some(offered) = scenario.follow(bus, &sample.header)? {
                 hear(Message::Scenario(Arc::new(offered)));
@@ -93,18 +87,9 @@ impl MonitorPort {
             hear(Message::Status(sample));
             Ok(())
         })?;
-        judge.drain(&mut *self.requests, &mut |sample| {
-            hear(Message::Request(sample));
-            Ok(())
-        })?;
-        judge.drain(&mut *self.changes, &mut |sample| {
-            hear(Message::Change(sample));
-            Ok(())
-        })?;
-        judge.drain(&mut *self.presences, &mut |sample| {
-            hear(Message::Presence(sample));
-            Ok(())
-        })
+        judge.pass_on(&mut *self.requests, Message::Request, hear)?;
+        judge.pass_on(&mut *self.changes, Message::Change, hear)?;
+        judge.pass_on(&mut *self.presences, Message::Presence, hear)
     }
 
     /// Messages that were not acceptable, so far.
@@ -126,6 +111,18 @@ struct Judge<'a> {
 }
 
 impl Judge<'_> {
+    fn pass_on<S: Sample>(
+        &mut self,
+        reader: &mut dyn Reader<S>,
+        message: fn(S) -> Message,
+        hear: &mut dyn FnMut(Message),
+    ) -> Result<(), BusError> {
+        self.drain(reader, &mut |sample| {
+            hear(message(sample));
+            Ok(())
+        })
+    }
+
     fn drain<S: Sample>(
         &mut self,
         reader: &mut dyn Reader<S>,

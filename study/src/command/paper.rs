@@ -15,11 +15,11 @@ use super::Failure;
 use crate::{
     figure::{FigureError, Written},
     paper::{
-        columns::ComparisonTable,
+        comparison::{Comparison, ComparisonTable},
         figures,
         operations::{Counts, FINDINGS, Table1, count_all},
         runs::{Runs, RunsError},
-        table::{Comparison, NOT_REPRODUCIBLE, compare},
+        table::{NOT_REPRODUCIBLE, compare},
     },
 };
 

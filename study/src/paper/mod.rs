@@ -7,9 +7,9 @@
 //! | [`counting`] | a number that counts the operations it takes part in |
 //! | [`operations`] | Table 1, by running the laws on such numbers |
 //! | [`table`] | what the paper prints beside what comes out here |
-//! | [`columns`] | that table as text |
+//! | [`comparison`] | one statement of it, and the table as text |
 
-pub mod columns;
+pub mod comparison;
 pub mod counting;
 pub mod figures;
 pub mod operations;

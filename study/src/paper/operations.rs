@@ -13,7 +13,7 @@ use nalgebra::{SMatrix, SVector};
 use serde::Serialize;
 
 use super::{
-    columns::printed_width,
+    comparison::printed_width,
     counting::{Counted, Operations, count},
 };
 

@@ -1,28 +1,13 @@
 //! What the paper prints beside what comes out here.
 
 use mtj_plant::{report::Report, trace::Row};
-use serde::Serialize;
 
 use super::{
+    comparison::Comparison,
     figures::LAWS,
     operations::{Counts, Formula, printed},
     runs::{Runs, RunsError},
 };
-
-/// One statement of the paper, tested.
-#[derive(Clone, Debug, Serialize)]
-pub struct Comparison {
-    /// Where it stands and what it is about.
-    pub quantity: String,
-    /// What the paper says.
-    pub printed: String,
-    /// What comes out here.
-    pub ours: String,
-    /// By how much they differ, or whether what is said holds.
-    pub deviation: String,
-    /// The number that decides: ours, a ratio, or for Table 1 ours less printed over all N.
-    pub value: f64,
-}
 
 /// What the paper gives no number for, or what its numbers leave open.
 pub const NOT_REPRODUCIBLE: [&str; 6] = [
