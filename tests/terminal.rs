@@ -20,7 +20,8 @@ use std::{
 
 use mtj_model::scenario::BusSettings;
 use mtj_protocol::{
-    bus::{Bus, Role},
+    bus::Bus,
+    member::Role,
     sample::{Header, TorqueSample},
     transport::AnyBus,
 };
@@ -322,7 +323,7 @@ fn complaints_do_not_disturb_the_screen_and_are_said_when_it_is_left() {
     let settings: toml::Table =
         format!("kind = 'iceoryx2'\nsession = '{}'", session.name).parse().unwrap();
     let settings = BusSettings::from_table("test", settings).unwrap();
-    let bus = AnyBus::open(&settings, Role::Other, &|| true).unwrap().unwrap();
+    let bus = AnyBus::open(&settings, Role::Controller, &|| true).unwrap().unwrap();
     let mut writer = bus.writer::<TorqueSample>().unwrap();
     let header = Header { version: 99, ..Header::default() };
     writer.write(&TorqueSample { header, ..TorqueSample::default() }).unwrap();

@@ -169,6 +169,13 @@ impl<const N: usize> ArmController<N> {
             predictor,
         }
     }
+
+    fn forget(&mut self) {
+        self.predictor.forget();
+        if let Law::Mtj { memory, .. } = &mut self.law {
+            memory.forget();
+        }
+    }
 }
 
 impl Law {
@@ -207,6 +214,10 @@ impl<const N: usize> Respond for ArmController<N> {
         if header.joints as usize != N {
             return Err(LawError::Joints { expected: N, found: header.joints });
         }
+        if state.timed_out != 0 {
+            // The arm stands, or falls, as the plant's safety says: nothing that was before counts.
+            self.forget();
+        }
         let q = SVector::from_fn(|i, _| state.position[i]);
         let q_dot = SVector::from_fn(|i, _| state.velocity[i]);
         let pose = self.arm.pose(&q, &q_dot);
@@ -230,6 +241,7 @@ impl<const N: usize> Respond for ArmController<N> {
             header,
             state_sent_ns: state.sent_ns,
             residence_ns: 0,
+            controller: 0,
             torque: padded(torque.as_slice()),
             force: padded(answer.force.as_slice()),
         };

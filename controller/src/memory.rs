@@ -32,6 +32,13 @@ impl Memory {
         }
     }
 
+    /// Forgets everything: the next [`Memory::recall`] gives nothing.
+    pub fn forget(&mut self) {
+        self.latched = SVector::zeros();
+        self.latched_in_step = None;
+        self.is_first = true;
+    }
+
     /// The same memory under other settings: what was remembered stays.
     pub fn adopt(self, settings: &MemorySettings) -> Self {
         let adopted = Self { policy: settings.policy, ..self };

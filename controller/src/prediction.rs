@@ -28,6 +28,11 @@ impl Predictor {
         Self { horizon, previous: None }
     }
 
+    /// Forgets the last sample.
+    pub fn forget(&mut self) {
+        self.previous = None;
+    }
+
     /// The same predictor with another horizon.
     pub fn adopt(self, horizon: Option<Horizon>) -> Self {
         Self { horizon, ..self }

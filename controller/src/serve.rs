@@ -8,6 +8,7 @@ use std::{
 use mtj_model::scenario::{Scenario, Wait};
 use mtj_protocol::{
     bus::{Bus, BusError},
+    member::Member,
     port::{self, ControllerPort, Heard},
     sample::TorqueSample,
 };
@@ -54,15 +55,19 @@ impl From<LawError> for ServeError {
 /// Answers states as long as `proceed` says so: fetches the scenario, waiting for a plant that is not
 /// there yet, and fetches it anew whenever another plant takes the old one's place.
 ///
+/// Several controllers may serve one plant: it puts one of them in charge, and the others stand by, with
+/// the law computed for every state, so that any of them can take over at the next.
+///
 /// Waits as the scenario says, unless `wait` says otherwise.
 pub fn serve(
     bus: &impl Bus,
+    member: &Member,
     wait: Option<Wait>,
     proceed: &dyn Fn() -> bool,
 ) -> Result<(), ServeError> {
     while let Some(offered) = port::fetch_scenario(bus, proceed)? {
         let wait = wait.unwrap_or(offered.scenario.bus.wait);
-        let mut port = ControllerPort::open(bus, &offered, wait)?;
+        let mut port = ControllerPort::open(bus, member, &offered, wait)?;
         serve_run(bus, &mut port, &offered.scenario, proceed)?;
         thread::sleep(PAUSE);
     }
@@ -81,7 +86,12 @@ fn serve_run(
         match port.receive(Instant::now() + PATIENCE)? {
             None => {}
             Some(Heard::OtherRun(_)) => return Ok(()),
-            Some(Heard::Again(state)) => port.send(&controller.answer_again(&state))?,
+            Some(Heard::Again(state)) => {
+                if port.is_in_charge(&state) {
+                    port.send(&controller.answer_again(&state))?;
+                }
+                port.tell(&state)?;
+            }
             Some(Heard::State(state)) => {
                 let received = Instant::now();
                 if let Some(changed) = port.newer_scenario(bus, &state)? {
@@ -89,8 +99,11 @@ fn serve_run(
                 }
                 let torque = controller.respond(&state)?;
                 let residence_ns = received.elapsed().as_nanos() as u64;
-                port.send(&TorqueSample { residence_ns, ..torque })?;
-                port.publish(controller.error())?;
+                if port.is_in_charge(&state) {
+                    port.send(&TorqueSample { residence_ns, ..torque })?;
+                    port.publish(controller.error())?;
+                }
+                port.tell(&state)?;
             }
         }
     }

@@ -1,7 +1,7 @@
 //! The monitor's command line.
 
 use clap::Args;
-use mtj_protocol::{bus::BusError, options::RoleOptions};
+use mtj_protocol::{bus::BusError, member::Role, options::RoleOptions};
 
 #[cfg(feature = "foxglove")]
 use crate::foxglove::FoxgloveOptions;
@@ -72,7 +72,7 @@ impl MonitorOptions {
         #[cfg(feature = "foxglove")]
         let foxglove = self.audience.foxglove.serve(&settings.session)?;
         let shutdown = self.role.shutdown();
-        let Some(bus) = self.role.join(shutdown)? else { return Ok(()) };
+        let Some(bus) = self.role.join(Role::Monitor, shutdown)? else { return Ok(()) };
         let mut source = Live::open(&bus)?;
         let mut audience: Vec<Box<dyn Audience>> = Vec::new();
         if let Some(reception) = reception {

@@ -22,6 +22,7 @@ pub struct Actuator {
     newest: Option<u64>,
     latency_ns: u64,
     commands: u64,
+    has_timed_out: bool,
 }
 
 impl Actuator {
@@ -38,6 +39,7 @@ impl Actuator {
             newest: None,
             latency_ns: 0,
             commands: 0,
+            has_timed_out: false,
         }
     }
 
@@ -69,12 +71,14 @@ impl Actuator {
         self.drive = Drive::Torque(command.torque.map(|torque| torque * scale));
         self.force = command.force.map(|force| force * scale);
         self.commands += 1;
+        self.has_timed_out = false;
         true
     }
 
     /// No fresh command has come for too long.
     pub fn time_out(&mut self, time_ns: u64) {
         self.integrate(time_ns);
+        self.has_timed_out = true;
         self.drive = match self.on_timeout {
             OnTimeout::Hold => return,
             OnTimeout::Zero => Drive::Torque([0.0; _]),
@@ -123,6 +127,11 @@ impl Actuator {
     /// Sample instant to application of the command in effect, ns; 0 before any.
     pub fn latency_ns(&self) -> u64 {
         self.latency_ns
+    }
+
+    /// Whether commands have stayed away for too long, and still do.
+    pub fn has_timed_out(&self) -> bool {
+        self.has_timed_out
     }
 
     /// How many commands have come into effect.

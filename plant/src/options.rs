@@ -11,10 +11,7 @@ use std::{
 use clap::Args;
 use mtj_model::scenario::{Override, Scenario, ScenarioError};
 use mtj_protocol::{
-    bus::{BusError, Role},
-    options::BusOptions,
-    port::PlantPort,
-    shutdown::Shutdown,
+    bus::BusError, member::Role, options::BusOptions, port::PlantPort, shutdown::Shutdown,
     transport::AnyBus,
 };
 

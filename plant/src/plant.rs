@@ -284,6 +284,8 @@ impl<'a> Plant<'a> {
             latency_ns: self.actuator.latency_ns(),
             round_trip_ns: self.ledger.round_trip_ns,
             residence_ns: self.ledger.residence_ns,
+            leader: 0,
+            timed_out: u64::from(self.actuator.has_timed_out()),
             position,
             velocity,
             applied: self.actuator.applied(),
@@ -364,9 +366,12 @@ impl<'a> Plant<'a> {
         }
     }
 
-    /// Puts a command into effect, unless a newer one has overtaken it.
+    /// Puts a command into effect, unless a newer one has overtaken it, or it is so old that the arm had
+    /// to be made safe: what was under way when a link broke is not for now.
     fn apply(&mut self, time_ns: u64, command: &TorqueSample) {
-        if !self.actuator.apply(command, time_ns) {
+        let age = Duration::from_nanos(time_ns.saturating_sub(command.header.time_ns));
+        let is_too_old = self.scenario.safety.command_timeout.is_some_and(|timeout| age > timeout);
+        if is_too_old || !self.actuator.apply(command, time_ns) {
             self.ledger.commands.lost += 1;
             return;
         }
@@ -403,6 +408,7 @@ impl<'a> Plant<'a> {
             rejected: self.exchange.rejected(),
             deadline_misses: *deadline_misses,
             timeouts: *timeouts,
+            takeovers: self.exchange.takeovers(),
             position: self.simulator.position(),
             velocity,
             torque: self.actuator.torque(&velocity),

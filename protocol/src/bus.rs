@@ -4,11 +4,11 @@
 //! asks. It knows nothing of control: which topics a role may write is decided in [`crate::port`],
 //! and what is acceptable in [`crate::gate`].
 
-use std::{fmt, time::Instant};
+use std::{any::Any, fmt, time::Instant};
 
 use mtj_model::scenario::Wait;
 
-use crate::sample::Sample;
+use crate::{member::Member, sample::Sample};
 
 /// Something that moves samples.
 pub trait Bus {
@@ -20,6 +20,17 @@ pub trait Bus {
     fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError>;
     /// What is on offer now, if anything.
     fn fetch(&self) -> Result<Option<Vec<u8>>, BusError>;
+    /// Makes it known that `member` takes part in the session, for as long as the result lives; if this
+    /// process dies, the bus notices.
+    fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError>;
+    /// Watches who has announced himself in the session.
+    fn attendance(&self) -> Result<Box<dyn Attendance>, BusError>;
+}
+
+/// Who takes part in a session.
+pub trait Attendance {
+    /// All who have announced themselves and live, as far as the bus knows. May take a fraction of a millisecond.
+    fn present(&mut self) -> Result<Vec<Member>, BusError>;
 }
 
 /// How much a reader keeps for its owner.
@@ -27,9 +38,14 @@ pub trait Bus {
 pub enum Depth {
     /// The newest sample: what a control loop wants.
     Latest,
+    /// The newest few, as promptly: what a plant wants, to whom several may write of whom one is meant.
+    Recent,
     /// Every sample in order, as long as the reader is emptied within [`STREAM_DEPTH`] samples.
     Stream,
 }
+
+/// How many samples [`Depth::Recent`] keeps.
+pub const RECENT_DEPTH: usize = 16;
 
 /// How many samples a stream holds for a reader that is busy.
 pub const STREAM_DEPTH: usize = 4096;
@@ -105,12 +121,3 @@ impl fmt::Display for BusError {
 }
 
 impl std::error::Error for BusError {}
-
-/// Which end of the loop a process is: on Zenoh the plant listens and the others connect.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
-    /// Owns the arm, the clock and the scenario.
-    Plant,
-    /// Answers states with torques, or only listens.
-    Other,
-}

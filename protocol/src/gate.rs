@@ -28,6 +28,12 @@ pub enum Fault {
     NotFinite,
     /// Older than the newest.
     Stale,
+    /// The newest one once more, though nobody asked for it.
+    Duplicate,
+    /// The answer to a state that was not sent.
+    Unasked,
+    /// From a controller that is not in charge.
+    NotInCharge,
 }
 
 impl Fault {
@@ -39,6 +45,9 @@ impl Fault {
             Self::Run => "it belongs to another run of the plant",
             Self::NotFinite => "it holds a number that is not finite",
             Self::Stale => "it is older than the newest one",
+            Self::Duplicate => "it was heard before",
+            Self::Unasked => "it answers a state that was not sent",
+            Self::NotInCharge => "it is from a controller that is not in charge",
         }
     }
 }
@@ -87,7 +96,8 @@ impl Gate {
         self.newest
     }
 
-    fn refuse(&mut self, fault: Fault) -> Verdict {
+    /// Counts a sample that is not acceptable for a reason that a gate cannot know.
+    pub fn refuse(&mut self, fault: Fault) -> Verdict {
         self.refused += 1;
         Verdict::Refused(fault)
     }

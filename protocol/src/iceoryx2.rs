@@ -6,6 +6,7 @@
 //! loop makes no system calls. The scenario is a service of bytes with a history of one.
 
 use std::{
+    any::Any,
     cell::RefCell,
     fmt::Debug,
     os::fd::BorrowedFd,
@@ -14,6 +15,7 @@ use std::{
 };
 
 use iceoryx2::{
+    node::NodeView,
     port::{
         listener::Listener, notifier::Notifier, publisher::Publisher, subscriber::Subscriber,
         update_connections::UpdateConnections,
@@ -25,7 +27,11 @@ use mtj_model::scenario::Wait;
 use nix::poll::{PollFd, PollFlags, ppoll};
 
 use crate::{
-    bus::{self, Bus, BusError, Depth, Offering, Reader, STREAM_DEPTH, Writer},
+    bus::{
+        self, Attendance, Bus, BusError, Depth, Offering, RECENT_DEPTH, Reader, STREAM_DEPTH,
+        Writer,
+    },
+    member::Member,
     sample::Sample,
 };
 
@@ -71,11 +77,7 @@ impl Iceoryx2Bus {
         // A domain of our own, apart from other programs that use iceoryx2.
         let mut config = Config::global_config().clone();
         config.global.prefix = FileName::new(b"mtj_").map_err(failure("the domain's name"))?;
-        let node = NodeBuilder::new()
-            .config(&config)
-            .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<ipc::Service>()
-            .map_err(failure("shared memory could not be opened"))?;
+        let node = node(&config, None)?;
         Ok(Self {
             offers: RefCell::default(),
             session: session.to_owned(),
@@ -154,7 +156,11 @@ impl Bus for Iceoryx2Bus {
     }
 
     fn reader<S: Sample>(&self, depth: Depth, wait: Wait) -> Result<Box<dyn Reader<S>>, BusError> {
-        let buffer = if depth == Depth::Latest { 1 } else { STREAM_DEPTH };
+        let buffer = match depth {
+            Depth::Latest => 1,
+            Depth::Recent => RECENT_DEPTH,
+            Depth::Stream => STREAM_DEPTH,
+        };
         let subscriber = self
             .service::<S>()?
             .subscriber_builder()
@@ -162,7 +168,7 @@ impl Bus for Iceoryx2Bus {
             .create()
             .map_err(failure(S::TOPIC))?;
         let listener = match (depth, wait) {
-            (Depth::Latest, Wait::Block) => {
+            (Depth::Latest | Depth::Recent, Wait::Block) => {
                 let event = self.event_service(S::TOPIC)?;
                 Some(event.listener_builder().create().map_err(failure(S::TOPIC))?)
             }
@@ -199,6 +205,51 @@ impl Bus for Iceoryx2Bus {
         }
         Ok(offers.newest.clone())
     }
+
+    fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError> {
+        // A node of its own, because a node gets its name when it is made; iceoryx2 watches over nodes.
+        let name = format!("mtj/{}/{member}", self.session);
+        let node = node(self.node.config(), Some(&name))?;
+        Ok(Box::new(node))
+    }
+
+    fn attendance(&self) -> Result<Box<dyn Attendance>, BusError> {
+        let prefix = format!("mtj/{}/", self.session);
+        Ok(Box::new(Nodes { config: Box::new(self.node.config().clone()), prefix }))
+    }
+}
+
+/// The nodes whose names begin with `prefix`.
+struct Nodes {
+    config: Box<Config>,
+    prefix: String,
+}
+
+impl Attendance for Nodes {
+    fn present(&mut self) -> Result<Vec<Member>, BusError> {
+        let mut members = Vec::new();
+        Node::<ipc::Service>::list(&self.config, |node| {
+            if let NodeState::Alive(node) = node
+                && let Some(details) = node.details()
+                && let Some(Ok(member)) =
+                    details.name().as_str().strip_prefix(&self.prefix).map(str::parse)
+            {
+                members.push(member);
+            }
+            CallbackProgression::Continue
+        })
+        .map_err(failure("the nodes could not be listed"))?;
+        Ok(members)
+    }
+}
+
+fn node(config: &Config, name: Option<&str>) -> Result<Node<ipc::Service>, BusError> {
+    let mut builder =
+        NodeBuilder::new().config(config).signal_handling_mode(SignalHandlingMode::Disabled);
+    if let Some(name) = name {
+        builder = builder.name(&NodeName::new(name).map_err(failure("a node's name"))?);
+    }
+    builder.create().map_err(failure("shared memory could not be opened"))
 }
 
 struct Iceoryx2Writer<S: Sample> {

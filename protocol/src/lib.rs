@@ -6,6 +6,7 @@
 //! gate      what is acceptable                       version, run, order, finite numbers
 //! transport the one that a scenario names            AnyBus: local, iceoryx2, zenoh, a file each
 //! bus       moving samples: one trait                Bus, Writer, Reader, Offering
+//! member    who takes part                           role, number, precedence
 //! codec     samples as bytes                         bincode, fixed-width little-endian
 //! sample    the samples                              repr(C), no pointers, no padding
 //! ```
@@ -20,6 +21,7 @@ pub mod iceoryx2;
 pub mod knob;
 pub mod local;
 mod mailbox;
+pub mod member;
 pub mod options;
 pub mod port;
 pub mod sample;

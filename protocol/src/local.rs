@@ -9,8 +9,9 @@ use std::{
 use mtj_model::scenario::Wait;
 
 use crate::{
-    bus::{Bus, BusError, Depth, Offering, Reader, Writer},
+    bus::{Attendance, Bus, BusError, Depth, Offering, Reader, Writer},
     mailbox::{Mailbox, MailboxReader},
+    member::Member,
     sample::Sample,
 };
 
@@ -25,6 +26,7 @@ struct Shared {
     /// A [`Topic`] for each kind of sample.
     topics: Mutex<HashMap<TypeId, Box<dyn Any + Send>>>,
     offer: Mutex<Option<Vec<u8>>>,
+    members: Mutex<Vec<Member>>,
 }
 
 struct Topic<S>(Arc<Mutex<Vec<Weak<Mailbox<S>>>>>);
@@ -60,6 +62,32 @@ impl Bus for LocalBus {
 
     fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
         Ok(lock(&self.shared.offer).clone())
+    }
+
+    fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError> {
+        lock(&self.shared.members).push(*member);
+        Ok(Box::new(Announcement { bus: self.clone(), id: member.id }))
+    }
+
+    fn attendance(&self) -> Result<Box<dyn Attendance>, BusError> {
+        Ok(Box::new(self.clone()))
+    }
+}
+
+impl Attendance for LocalBus {
+    fn present(&mut self) -> Result<Vec<Member>, BusError> {
+        Ok(lock(&self.shared.members).clone())
+    }
+}
+
+struct Announcement {
+    bus: LocalBus,
+    id: u64,
+}
+
+impl Drop for Announcement {
+    fn drop(&mut self) {
+        lock(&self.bus.shared.members).retain(|member| member.id != self.id);
     }
 }
 

@@ -7,7 +7,7 @@ use std::{
 };
 
 use crate::{
-    bus::{BusError, Depth, Reader, STREAM_DEPTH},
+    bus::{BusError, Depth, RECENT_DEPTH, Reader, STREAM_DEPTH},
     sample::Sample,
 };
 
@@ -30,6 +30,7 @@ impl<S> Mailbox<S> {
     pub fn new(depth: Depth) -> Arc<Self> {
         let capacity = match depth {
             Depth::Latest => 1,
+            Depth::Recent => RECENT_DEPTH,
             Depth::Stream => STREAM_DEPTH,
         };
         let inner = Inner { queue: VecDeque::with_capacity(capacity), malformed: 0 };

@@ -5,11 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use mtj_model::scenario::{BusSettings, Override, ScenarioError, Wait};
 
-use crate::{
-    bus::{BusError, Role},
-    shutdown::Shutdown,
-    transport::AnyBus,
-};
+use crate::{bus::BusError, member::Role, shutdown::Shutdown, transport::AnyBus};
 
 /// Where the others are. Each option stands for a key of the scenario's `[bus]` table.
 #[derive(Args, Clone, Debug, Default)]
@@ -106,10 +102,10 @@ impl RoleOptions {
     }
 
     /// Joins the bus; `None` if asked to stop meanwhile.
-    pub fn join(&self, shutdown: Shutdown) -> Result<Option<AnyBus>, BusError> {
+    pub fn join(&self, role: Role, shutdown: Shutdown) -> Result<Option<AnyBus>, BusError> {
         let settings =
             self.bus.settings().map_err(|error| BusError::Settings(error.to_string()))?;
-        AnyBus::open(&settings, Role::Other, &|| shutdown.proceed())
+        AnyBus::open(&settings, role, &|| shutdown.proceed())
     }
 
     /// How the user wants the role to wait, if that was said.

@@ -11,7 +11,7 @@ use mtj_model::{MAX_AXES, MAX_JOINTS};
 use serde::{Deserialize, Serialize};
 
 /// Changes whenever the layout or the meaning of a sample does.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 /// One number for each joint; entries past the count are zero.
 pub type Joints = [f64; MAX_JOINTS];
@@ -194,6 +194,11 @@ sample! {
         round_trip_ns: u64,
         /// The part of `round_trip_ns` spent inside the controller.
         residence_ns: u64,
+        /// The number of the controller that is in charge; 0 if none is, and whoever answers takes charge.
+        leader: u64,
+        /// 1 while commands have stayed away for longer than the command timeout: nothing that was before
+        /// counts any more, and k is zero.
+        timed_out: u64,
         /// Measured joint angles, rad.
         position: Joints,
         /// Measured joint velocities, rad/s.
@@ -214,6 +219,8 @@ sample! {
         state_sent_ns: u64,
         /// State received to torque sent, by the controller's own clock.
         residence_ns: u64,
+        /// The controller's number, which no other has; not 0.
+        controller: u64,
         /// τ = Jᵀ Q̂, N m.
         torque: Joints,
         /// Q̂, N: the plant holds it with the torque and echoes what was in effect.
@@ -260,6 +267,8 @@ sample! {
         deadline_misses: u64,
         /// How often commands stayed away for longer than the command timeout.
         timeouts: u64,
+        /// How often another controller took charge.
+        takeovers: u64,
         /// True joint angles, rad.
         position: Joints,
         /// True joint velocities, rad/s.
@@ -314,8 +323,12 @@ sample! {
         role: u64,
         /// Its process id.
         process: u64,
-        /// When it joined, ns since 1970.
+        /// When it joined, ns since 1970, by its own clock.
         since_ns: u64,
+        /// Its number, which no other has: a controller's is in its torques.
+        id: u64,
+        /// Controllers with a higher one go first.
+        precedence: u64,
         /// The machine it runs on.
         host: HostName,
     }

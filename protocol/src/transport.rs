@@ -1,10 +1,13 @@
 //! The transport that a scenario names, chosen at run time.
 
+use std::any::Any;
+
 use mtj_model::scenario::{BusKind, BusSettings, Wait};
 
 use crate::{
-    bus::{Bus, BusError, Depth, Offering, Reader, Role, Writer},
+    bus::{Attendance, Bus, BusError, Depth, Offering, Reader, Writer},
     local::LocalBus,
+    member::{Member, Role},
     sample::Sample,
 };
 
@@ -84,5 +87,11 @@ impl Bus for AnyBus {
     }
     fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
         on_any!(self, bus => bus.fetch())
+    }
+    fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError> {
+        on_any!(self, bus => bus.announce(member))
+    }
+    fn attendance(&self) -> Result<Box<dyn Attendance>, BusError> {
+        on_any!(self, bus => bus.attendance())
     }
 }

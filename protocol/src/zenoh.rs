@@ -6,6 +6,7 @@
 //! when the network is congested: a late sample is worth less than the next one.
 
 use std::{
+    any::Any,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     thread,
     time::{Duration, Instant},
@@ -16,12 +17,14 @@ use zenoh::{
     Config, Session, Wait as _,
     pubsub::Publisher,
     qos::{CongestionControl, Priority},
+    sample::SampleKind,
 };
 
 use crate::{
-    bus::{Bus, BusError, Depth, Offering, Reader, Role, Writer},
+    bus::{Attendance, Bus, BusError, Depth, Offering, Reader, Writer},
     codec::{self, LARGEST_SAMPLE},
     mailbox::{Mailbox, MailboxReader},
+    member::{Member, Role},
     sample::Sample,
 };
 
@@ -114,7 +117,7 @@ fn configure(settings: &BusSettings, role: Role) -> Result<Config, BusError> {
                 set("connect/endpoints", list(connect))?;
             }
         }
-        Role::Other if ours || settings.connect.is_some() || settings.listen.is_some() => {
+        _ if ours || settings.connect.is_some() || settings.listen.is_some() => {
             set("connect/endpoints", list(&settings.connect_endpoints()))?;
         }
         _ => {}
@@ -185,6 +188,49 @@ impl Bus for ZenohBus {
         }
         Ok(None)
     }
+
+    fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError> {
+        let token = self
+            .session
+            .liveliness()
+            .declare_token(self.key(&format!("member/{member}")))
+            .wait()
+            .map_err(failure)?;
+        Ok(Box::new(token))
+    }
+
+    fn attendance(&self) -> Result<Box<dyn Attendance>, BusError> {
+        let members = Arc::new(Mutex::new(Vec::new()));
+        let (heard, key) = (Arc::clone(&members), self.key("member/"));
+        let subscriber = self
+            .session
+            .liveliness()
+            .declare_subscriber(format!("{key}**"))
+            .history(true)
+            .callback(move |sample| {
+                let name = sample.key_expr().as_str().strip_prefix(&key);
+                let Some(Ok(member)) = name.map(str::parse::<Member>) else { return };
+                let mut members = lock(&heard);
+                members.retain(|known: &Member| known.id != member.id);
+                if sample.kind() == SampleKind::Put {
+                    members.push(member);
+                }
+            })
+            .wait()
+            .map_err(failure)?;
+        Ok(Box::new(ZenohAttendance { members, _keep: subscriber }))
+    }
+}
+
+struct ZenohAttendance<K> {
+    members: Arc<Mutex<Vec<Member>>>,
+    _keep: K,
+}
+
+impl<K> Attendance for ZenohAttendance<K> {
+    fn present(&mut self) -> Result<Vec<Member>, BusError> {
+        Ok(lock(&self.members).clone())
+    }
 }
 
 struct ZenohWriter {
@@ -215,8 +261,8 @@ impl<Q> Offering for ZenohOffer<Q> {
 }
 
 /// Nothing can panic while it holds the lock, so poisoning is of no interest.
-fn lock(bytes: &Mutex<Vec<u8>>) -> MutexGuard<'_, Vec<u8>> {
-    bytes.lock().unwrap_or_else(PoisonError::into_inner)
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn failure(error: zenoh::Error) -> BusError {

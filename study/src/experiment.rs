@@ -8,7 +8,12 @@ use mtj_plant::{
     direct::Direct,
     plant::{self, Outcome, Watch},
 };
-use mtj_protocol::{bus::BusError, local::LocalBus, port::PlantPort};
+use mtj_protocol::{
+    bus::BusError,
+    local::LocalBus,
+    member::{Member, Role},
+    port::PlantPort,
+};
 
 /// Runs a scenario with plant and controller in this process: by plain calls in lockstep, over the
 /// local bus with a thread for the controller in real time.
@@ -54,7 +59,7 @@ pub fn run_in_threads(
             proceed()
                 && matches!(wait_for_done.try_recv(), Err(std::sync::mpsc::TryRecvError::Empty))
         };
-        let served = serve::serve(&bus, None, &running);
+        let served = serve::serve(&bus, &Member::new(Role::Controller, 0), None, &running);
         let outcome = plant
             .join()
             .unwrap_or_else(|_| Err(BusError::Transport("the plant's thread panicked".to_owned())));

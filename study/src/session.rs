@@ -8,11 +8,7 @@ use mtj_plant::{
     plant::{self, Watch},
     report::Report,
 };
-use mtj_protocol::{
-    bus::{BusError, Role},
-    port::PlantPort,
-    transport::AnyBus,
-};
+use mtj_protocol::{bus::BusError, member::Role, port::PlantPort, transport::AnyBus};
 
 use crate::{command::Failure, launcher::Launch};
 

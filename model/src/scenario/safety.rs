@@ -16,6 +16,8 @@ pub struct Safety {
     pub command_timeout: Option<Duration>,
     /// What happens then.
     pub on_timeout: OnTimeout,
+    /// How long the controller in charge may leave a state unanswered before another one takes over.
+    pub lease: Duration,
 }
 
 /// What the plant does when no fresh command has come within the timeout.
@@ -29,12 +31,16 @@ pub enum OnTimeout {
     Damp(f64),
 }
 
+/// Longer than any pause that a loop over a network makes by itself.
+const LEASE: Duration = Duration::from_millis(100);
+
 impl Safety {
     pub(super) fn read(section: Option<Section<'_>>, joints: usize) -> Result<Self, ScenarioError> {
         let mut safety = Self {
             torque_limit: vec![f64::INFINITY; joints],
             command_timeout: None,
             on_timeout: OnTimeout::Hold,
+            lease: LEASE,
         };
         let Some(section) = section else { return Ok(safety) };
         let expected = format!("a torque in N m greater than 0, or a list of {joints}");
@@ -44,6 +50,7 @@ impl Safety {
         let never = Duration::MAX;
         let timeout = section.duration("command_timeout", Duration::from_nanos(1), Some(never))?;
         safety.command_timeout = (timeout != never).then_some(timeout);
+        safety.lease = section.duration("lease", Duration::from_nanos(1), Some(LEASE))?;
         let damping = section
             .optional("damping", "a damping in N m s/rad greater than 0", section::positive)?
             .unwrap_or(10.0);

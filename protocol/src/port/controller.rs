@@ -4,14 +4,11 @@ use std::time::Instant;
 
 use mtj_model::scenario::Wait;
 
-use super::{
-    Complaints, Offered,
-    offer::Follower,
-    presence::{Presence, RoleName},
-};
+use super::{Complaints, Offered, offer::Follower, presence::Presence};
 use crate::{
     bus::{self, Bus, BusError, Depth, Reader, Writer},
     gate::{Fault, Gate, Verdict},
+    member::Member,
     sample::{ErrorSample, Header, StateSample, TorqueSample},
 };
 
@@ -36,21 +33,28 @@ pub struct ControllerPort {
     wait: Wait,
     gate: Gate,
     complaints: Complaints,
+    id: u64,
 }
 
 impl ControllerPort {
-    /// Joins a bus for one run of the plant.
-    pub fn open(bus: &impl Bus, offered: &Offered, wait: Wait) -> Result<Self, BusError> {
+    /// Joins a bus for one run of the plant, as `member`.
+    pub fn open(
+        bus: &impl Bus,
+        member: &Member,
+        offered: &Offered,
+        wait: Wait,
+    ) -> Result<Self, BusError> {
         Ok(Self {
             states: bus.reader(Depth::Latest, wait)?,
             torques: bus.writer()?,
             errors: bus.writer()?,
-            presence: Presence::open(bus, RoleName::Controller)?,
+            presence: Presence::open(bus, member)?,
             newest: None,
             wait,
             gate: Gate::new(offered.run),
             scenario: Follower::knowing(offered),
             complaints: Complaints::default(),
+            id: member.id,
         })
     }
 
@@ -84,15 +88,24 @@ impl ControllerPort {
         self.scenario.follow(bus, &state.header)
     }
 
+    /// Whether we are to answer a state, rather than another controller we stand by for.
+    pub fn is_in_charge(&self, state: &StateSample) -> bool {
+        state.leader == self.id
+    }
+
     /// Answers a state.
     pub fn send(&mut self, torque: &TorqueSample) -> Result<(), BusError> {
-        self.torques.write(torque)
+        self.torques.write(&TorqueSample { controller: self.id, ..*torque })
     }
 
     /// Tells monitors how the law saw the instant. Off the critical path: after [`Self::send`].
     pub fn publish(&mut self, error: &ErrorSample) -> Result<(), BusError> {
-        self.presence.tell(&error.header)?;
         self.errors.write(error)
+    }
+
+    /// Tells everybody that we are there. Off the critical path too; to be called often.
+    pub fn tell(&mut self, state: &StateSample) -> Result<(), BusError> {
+        self.presence.tell(&state.header)
     }
 
     /// State samples that were not acceptable, so far.

@@ -1,6 +1,7 @@
 //! What each role may say and hear on a bus.
 
 mod controller;
+mod lease;
 mod monitor;
 mod offer;
 mod plant;
@@ -34,6 +35,10 @@ pub trait Exchange {
     fn report(&mut self, status: &StatusSample) -> Result<(), BusError>;
     /// Torque samples that were not acceptable, so far.
     fn rejected(&self) -> u64;
+    /// How often another controller took charge.
+    fn takeovers(&self) -> u64 {
+        0
+    }
     /// The next wish to turn a knob, if there is one. Nobody wishes anything without a bus.
     fn request(&mut self) -> Result<Option<RequestSample>, BusError> {
         Ok(None)

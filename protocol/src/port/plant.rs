@@ -4,14 +4,12 @@ use std::time::Instant;
 
 use mtj_model::scenario::{Scenario, Wait};
 
-use super::{
-    Answer, Complaints, Exchange,
-    presence::{Presence, RoleName},
-};
+use super::{Answer, Complaints, Exchange, lease::Lease, presence::Presence};
 use crate::{
     bus::{self, Bus, BusError, Depth, Offering, Reader, Writer},
     codec::{self, Offer},
     gate::{self, Fault, Gate, Verdict},
+    member::{Member, Role},
     sample::{ChangeSample, RequestSample, StateSample, StatusSample, TorqueSample, VERSION},
 };
 
@@ -27,6 +25,8 @@ pub struct PlantPort {
     wait: Wait,
     run: u64,
     gate: Gate,
+    lease: Lease,
+    asked: Asked,
     complaints: Complaints,
 }
 
@@ -38,13 +38,15 @@ impl PlantPort {
             states: bus.writer()?,
             statuses: bus.writer()?,
             changes: bus.writer()?,
-            torques: bus.reader(Depth::Latest, wait)?,
+            torques: bus.reader(Depth::Recent, wait)?,
             requests: bus.reader(Depth::Stream, Wait::Block)?,
-            presence: Presence::open(bus, RoleName::Plant)?,
+            presence: Presence::open(bus, &Member::new(Role::Plant, 0))?,
             offering: bus.offer(encode(scenario, run, 0))?,
             wait,
             run,
             gate: Gate::new(run),
+            lease: Lease::new(scenario.safety.lease, bus.attendance()?),
+            asked: Asked::default(),
             complaints: Complaints::default(),
         })
     }
@@ -53,8 +55,48 @@ impl PlantPort {
     pub fn restart(&mut self, scenario: &Scenario, run: u64) -> Result<(), BusError> {
         self.run = run;
         self.gate = Gate::new(run);
+        self.asked = Asked::default();
+        self.lease.restart();
         self.renew(scenario, 0)
     }
+
+    /// Whether a torque may pass: the gate knows samples, we know what was asked, and whom.
+    fn judge(&mut self, torque: &TorqueSample) -> Verdict {
+        let is_ours = torque.header.run == self.run
+            && matches!(gate::fault(torque), None | Some(Fault::NotFinite));
+        if is_ours && torque.header.sequence > self.asked.sequence {
+            return self.gate.refuse(Fault::Unasked);
+        }
+        if is_ours && !self.lease.allows(torque.controller) {
+            return self.gate.refuse(Fault::NotInCharge);
+        }
+        let verdict = self.gate.judge(torque);
+        match verdict {
+            Verdict::Fresh => {
+                self.lease.answered(torque.controller);
+                self.asked.answers = 1;
+            }
+            Verdict::Repeated => {
+                self.asked.answers += 1;
+                if torque.header.sequence < self.asked.sequence
+                    || self.asked.answers > self.asked.times
+                {
+                    return self.gate.refuse(Fault::Duplicate);
+                }
+            }
+            Verdict::Refused(_) => {}
+        }
+        verdict
+    }
+}
+
+/// What the controller was asked last.
+#[derive(Default)]
+struct Asked {
+    sequence: u64,
+    /// How often: a state is repeated as long as nobody answers it.
+    times: u64,
+    answers: u64,
 }
 
 fn encode(scenario: &Scenario, run: u64, revision: u32) -> Vec<u8> {
@@ -69,12 +111,18 @@ fn encode(scenario: &Scenario, run: u64, revision: u32) -> Vec<u8> {
 
 impl Exchange for PlantPort {
     fn send(&mut self, state: &StateSample) -> Result<(), BusError> {
-        self.states.write(state)
+        let sequence = state.header.sequence;
+        match &mut self.asked {
+            asked if asked.sequence == sequence => asked.times += 1,
+            asked => *asked = Asked { sequence, times: 1, answers: 0 },
+        }
+        let leader = self.lease.leader(Instant::now())?;
+        self.states.write(&StateSample { leader, ..*state })
     }
 
     fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
         while let Some(torque) = bus::receive(&mut *self.torques, self.wait, until)? {
-            match self.gate.judge(&torque) {
+            match self.judge(&torque) {
                 Verdict::Fresh => return Ok(Some(Answer::Torque(torque))),
                 Verdict::Repeated => {}
                 Verdict::Refused(fault) => {
@@ -110,7 +158,12 @@ impl Exchange for PlantPort {
     }
 
     fn renew(&mut self, scenario: &Scenario, revision: u32) -> Result<(), BusError> {
+        self.lease.adopt(scenario.safety.lease);
         self.offering.renew(encode(scenario, self.run, revision))
+    }
+
+    fn takeovers(&self) -> u64 {
+        self.lease.takeovers()
     }
 
     fn rejected(&self) -> u64 {

@@ -1,43 +1,42 @@
 //! Who takes part.
 
-use std::time::{Duration, Instant, SystemTime};
+use std::{
+    any::Any,
+    time::{Duration, Instant},
+};
 
 use crate::{
     bus::{Bus, BusError, Writer},
+    member::Member,
     sample::{Header, PresenceSample, text},
 };
 
 /// How often a role says that it is there.
 const PERIOD: Duration = Duration::from_secs(1);
 
-/// Which role says so.
-#[derive(Clone, Copy)]
-pub enum RoleName {
-    /// 0 on the wire.
-    Plant,
-    /// 1 on the wire.
-    Controller,
-}
-
-/// Says once a second that a role takes part, since when and where.
+/// Makes it known that a member takes part: announced on the bus, and said once a second, since when and
+/// where, for monitors.
 pub struct Presence {
     writer: Box<dyn Writer<PresenceSample>>,
     sample: PresenceSample,
     next: Instant,
+    _announcement: Box<dyn Any>,
 }
 
 impl Presence {
-    pub fn open(bus: &impl Bus, role: RoleName) -> Result<Self, BusError> {
-        let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    pub fn open(bus: &impl Bus, member: &Member) -> Result<Self, BusError> {
         let host = nix::unistd::gethostname().unwrap_or_default();
         let sample = PresenceSample {
             header: Header::default(),
-            role: role as u64,
+            role: member.role as u64,
             process: u64::from(std::process::id()),
-            since_ns: since.as_nanos() as u64,
+            since_ns: member.since_ns,
+            id: member.id,
+            precedence: u64::from(member.precedence),
             host: text(&host.to_string_lossy()),
         };
-        Ok(Self { writer: bus.writer()?, sample, next: Instant::now() })
+        let _announcement = bus.announce(member)?;
+        Ok(Self { writer: bus.writer()?, sample, next: Instant::now(), _announcement })
     }
 
     /// To be called often; `header` is of the instant the role last dealt with.

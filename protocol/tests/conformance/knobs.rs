@@ -3,8 +3,9 @@
 use std::{sync::Arc, thread, time::Duration};
 
 use mtj_protocol::{
-    bus::{Bus, Role, Writer},
+    bus::{Bus, Writer},
     knob::Knob,
+    member::Role,
     port::{Exchange, Message, MonitorPort, RequestPort},
     sample::{ChangeSample, ErrorSample, RequestSample, StatusSample, VERSION, text_of},
 };
@@ -32,7 +33,7 @@ pub fn a_wish_comes_to_the_plant_and_its_answer_back<R: Rig>() {
     for (knob, outcome) in wishes {
         thread::scope(|scope| {
             let asking = scope.spawn(|| {
-                let bus = rig.join(Role::Other);
+                let bus = rig.join(Role::Controller);
                 let mut port = RequestPort::open(&bus).unwrap();
                 port.turn(RUN, &knob, soon()).unwrap().expect("an answer")
             });

@@ -11,8 +11,9 @@ use std::{
 use ::zenoh::Wait as _;
 use mtj_model::scenario::{BusSettings, Override, Scenario, Wait, built_in};
 use mtj_protocol::{
-    bus::{Reader, Role, Writer, receive},
+    bus::{Reader, Writer, receive},
     local::LocalBus,
+    member::{Member, Role},
     port::{Answer, ControllerPort, Exchange, Heard, Offered, PlantPort},
     sample::{Header, StateSample, TorqueSample, VERSION},
     transport::AnyBus,
@@ -109,6 +110,11 @@ pub fn eventually<T>(what: &str, mut attempt: impl FnMut() -> Option<T>) -> T {
     }
 }
 
+/// The controller of [`close_the_loop`].
+pub fn member() -> Member {
+    Member { role: Role::Controller, id: 5, precedence: 0, since_ns: 1 }
+}
+
 pub const RUN: u64 = 77;
 
 pub fn header(sequence: u64) -> Header {
@@ -129,7 +135,12 @@ pub fn state(sequence: u64) -> StateSample {
 }
 
 pub fn torque(sequence: u64) -> TorqueSample {
-    TorqueSample { header: header(sequence), torque: [-1.5; 7], ..Default::default() }
+    TorqueSample {
+        header: header(sequence),
+        controller: member().id,
+        torque: [-1.5; 7],
+        ..Default::default()
+    }
 }
 
 /// Writes states until each reader has got the newest: a subscription takes a moment to reach the
@@ -174,10 +185,10 @@ pub struct Met {
 }
 
 pub fn close_the_loop(rig: &impl Rig) -> Met {
-    let buses = [rig.join(Role::Plant), rig.join(Role::Other)];
+    let buses = [rig.join(Role::Plant), rig.join(Role::Controller)];
     let mut plant = PlantPort::open(&buses[0], &scenario(), RUN).unwrap();
     let offered = Offered { run: RUN, revision: 0, scenario: scenario() };
-    let mut controller = ControllerPort::open(&buses[1], &offered, Wait::Block).unwrap();
+    let mut controller = ControllerPort::open(&buses[1], &member(), &offered, Wait::Block).unwrap();
     let mut next = 0;
     eventually("a first round trip", || {
         plant.send(&state(next)).unwrap();
@@ -190,7 +201,7 @@ pub fn close_the_loop(rig: &impl Rig) -> Met {
     while controller.receive(glance()).unwrap().is_some() {}
     while plant.receive(glance()).unwrap().is_some() {}
     assert_eq!((plant.rejected(), controller.rejected()), (0, 0));
-    Met { plant, controller, other: rig.join(Role::Other), next, _buses: buses }
+    Met { plant, controller, other: rig.join(Role::Controller), next, _buses: buses }
 }
 
 impl Met {
@@ -200,7 +211,9 @@ impl Met {
         self.next += 1;
         self.plant.send(&state(sequence)).unwrap();
         match self.controller.receive(soon()).unwrap() {
-            Some(Heard::State(heard)) => assert_eq!(heard, state(sequence)),
+            Some(Heard::State(heard)) => {
+                assert_eq!(heard, StateSample { leader: member().id, ..state(sequence) });
+            }
             _ => panic!("the controller did not hear state {sequence}"),
         }
         self.controller.send(&torque(sequence)).unwrap();

@@ -8,8 +8,9 @@ use std::{
 
 use mtj_model::scenario::{Wait, built_in};
 use mtj_protocol::{
-    bus::{Bus, Depth, Role, receive},
+    bus::{Bus, Depth, receive},
     codec::{Offer, encode_offer},
+    member::Role,
     port::{Exchange, Offered, PlantPort, fetch_scenario},
     sample::{ErrorSample, StateSample, StatusSample, TorqueSample, VERSION},
     transport::AnyBus,
@@ -19,7 +20,7 @@ use crate::rig::*;
 
 pub fn a_stream_keeps_order<R: Rig>() {
     let rig = R::new();
-    let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Other));
+    let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Controller));
     let mut writer = plant.writer().unwrap();
     let mut stream = other.reader::<StateSample>(Depth::Stream, Wait::Block).unwrap();
     let first = meet(&mut *writer, &mut [&mut *stream]);
@@ -49,7 +50,7 @@ pub fn a_stream_keeps_order<R: Rig>() {
 
 pub fn the_latest_value_wins_and_is_read_once<R: Rig>() {
     let rig = R::new();
-    let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Other));
+    let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Controller));
     let mut writer = plant.writer().unwrap();
     let mut latest = other.reader::<StateSample>(Depth::Latest, Wait::Spin).unwrap();
     let mut stream = other.reader::<StateSample>(Depth::Stream, Wait::Block).unwrap();
@@ -71,7 +72,7 @@ pub fn the_latest_value_wins_and_is_read_once<R: Rig>() {
 
 pub fn a_reader_waits_as_long_as_it_is_told_and_no_longer_than_it_must<R: Rig>() {
     let rig = R::new();
-    let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Other));
+    let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Controller));
     for (depth, wait) in
         [(Depth::Latest, Wait::Block), (Depth::Latest, Wait::Spin), (Depth::Stream, Wait::Block)]
     {
@@ -93,7 +94,7 @@ pub fn a_reader_waits_as_long_as_it_is_told_and_no_longer_than_it_must<R: Rig>()
 
 pub fn topics_and_sessions_do_not_mix<R: Rig>() {
     let (rig, foreign) = (R::new(), R::new());
-    let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Other));
+    let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Controller));
     let foreign_plant = foreign.join(Role::Plant);
     let mut writer = plant.writer().unwrap();
     let mut states = other.reader::<StateSample>(Depth::Stream, Wait::Block).unwrap();
@@ -123,7 +124,7 @@ impl Drop for SetOnDrop<'_> {
 pub fn a_monitor_loses_nothing_at_a_kilohertz_beside_a_loop<R: Rig>() {
     const SAMPLES: u64 = 10_000;
     let rig = R::new();
-    let (plant, monitor) = (rig.join(Role::Plant), rig.join(Role::Other));
+    let (plant, monitor) = (rig.join(Role::Plant), rig.join(Role::Controller));
     let mut writer = plant.writer().unwrap();
     let mut stream = monitor.reader::<StateSample>(Depth::Stream, Wait::Block).unwrap();
     let (attached, over) = (AtomicBool::new(false), AtomicBool::new(false));
@@ -131,7 +132,7 @@ pub fn a_monitor_loses_nothing_at_a_kilohertz_beside_a_loop<R: Rig>() {
         let (rig, attached, over) = (&rig, &attached, &over);
         let _end = SetOnDrop(over);
         let controller = scope.spawn(move || {
-            let bus = rig.join(Role::Other);
+            let bus = rig.join(Role::Controller);
             let mut latest = bus.reader::<StateSample>(Depth::Latest, Wait::Block).unwrap();
             attached.store(true, Ordering::Release);
             let (mut seen, mut newest, end) = (0, None, soon() + Duration::from_secs(30));
@@ -174,7 +175,7 @@ pub fn a_monitor_loses_nothing_at_a_kilohertz_beside_a_loop<R: Rig>() {
 
 pub fn a_late_joiner_gets_the_scenario_and_an_early_one_gets_it_later<R: Rig>() {
     let rig = R::new();
-    let (plant, early) = (rig.join(Role::Plant), rig.join(Role::Other));
+    let (plant, early) = (rig.join(Role::Plant), rig.join(Role::Controller));
     assert_eq!(early.fetch().unwrap(), None, "before anything is on offer");
     let mut offering = plant.offer(b"first".to_vec()).unwrap();
     let mut fetch = |bus: &AnyBus| {
@@ -185,12 +186,12 @@ pub fn a_late_joiner_gets_the_scenario_and_an_early_one_gets_it_later<R: Rig>() 
     };
     assert_eq!(fetch(&early), b"first");
     assert_eq!(fetch(&early), b"first", "as often as one asks");
-    assert_eq!(fetch(&rig.join(Role::Other)), b"first");
+    assert_eq!(fetch(&rig.join(Role::Controller)), b"first");
 }
 
 pub fn a_scenario_is_on_offer_as_long_as_its_plant_lives<R: Rig>() {
     let rig = R::new();
-    let (plant, early) = (rig.join(Role::Plant), rig.join(Role::Other));
+    let (plant, early) = (rig.join(Role::Plant), rig.join(Role::Controller));
     for text in [b"first".to_vec(), vec![7; 60_000], b"third".to_vec()] {
         let mut offering = plant.offer(text.clone()).unwrap();
         eventually("the new offer", || {
@@ -198,7 +199,7 @@ pub fn a_scenario_is_on_offer_as_long_as_its_plant_lives<R: Rig>() {
             (early.fetch().unwrap()? == text).then_some(())
         });
     }
-    let late = rig.join(Role::Other);
+    let late = rig.join(Role::Controller);
     eventually("the end of the offer", || late.fetch().unwrap().is_none().then_some(()));
 }
 
@@ -214,7 +215,7 @@ pub fn a_role_waits_for_a_scenario_it_can_read<R: Rig>() {
         let rig = &rig;
         let role = scope.spawn(move || {
             let end = soon();
-            fetch_scenario(&rig.join(Role::Other), &|| Instant::now() < end).unwrap()
+            fetch_scenario(&rig.join(Role::Controller), &|| Instant::now() < end).unwrap()
         });
         for bytes in unfit {
             let mut offering = plant.offer(bytes).unwrap();
@@ -234,6 +235,6 @@ pub fn a_role_waits_for_a_scenario_it_can_read<R: Rig>() {
     });
     let end = glance();
     let bus = R::new();
-    let (_plant, lonely) = (bus.join(Role::Plant), bus.join(Role::Other));
+    let (_plant, lonely) = (bus.join(Role::Plant), bus.join(Role::Controller));
     assert_eq!(fetch_scenario(&lonely, &|| Instant::now() < end).unwrap(), None, "told to give up");
 }

@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use mtj_model::scenario::{Override, ScenarioError, duration};
 use mtj_protocol::{
-    bus::Role,
     knob::Knob,
+    member::Role,
     options::BusOptions,
     port::{Offered, RequestPort, fetch_scenario},
     shutdown::Shutdown,
@@ -127,7 +127,7 @@ fn turn(
             settings.session
         )
     };
-    let bus = AnyBus::open(&settings, Role::Other, &proceed)?.ok_or_else(nobody)?;
+    let bus = AnyBus::open(&settings, Role::Operator, &proceed)?.ok_or_else(nobody)?;
     let mut port = RequestPort::open(&bus)?;
     let offered = fetch_scenario(&bus, &proceed)?.ok_or_else(nobody)?;
     check(&offered)?;

@@ -1,0 +1,115 @@
+//! Who takes part in a session, and as what.
+
+use std::{
+    fmt,
+    hash::{BuildHasher, RandomState},
+    str::FromStr,
+    time::SystemTime,
+};
+
+/// What a process does in a session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Role {
+    /// Owns the arm, the clock and the scenario. On Zenoh it listens, and all others connect.
+    Plant,
+    /// Answers states with torques.
+    Controller,
+    /// Only listens.
+    Monitor,
+    /// Turns knobs, and may listen.
+    Operator,
+}
+
+impl Role {
+    /// All of them, in the order of their numbers on the wire.
+    pub const ALL: [Self; 4] = [Self::Plant, Self::Controller, Self::Monitor, Self::Operator];
+
+    /// The name in announcements and certificates.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Plant => "plant",
+            Self::Controller => "controller",
+            Self::Monitor => "monitor",
+            Self::Operator => "operator",
+        }
+    }
+}
+
+/// Somebody who takes part in a session.
+///
+/// In announcements written as `role/id/precedence/since_ns`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Member {
+    /// As what.
+    pub role: Role,
+    /// A number that nobody else has; not 0.
+    pub id: u64,
+    /// Controllers with a higher one go first.
+    pub precedence: u32,
+    /// When it joined, ns since 1970, by its own clock.
+    pub since_ns: u64,
+}
+
+impl Member {
+    /// A new member with a number of its own.
+    pub fn new(role: Role, precedence: u32) -> Self {
+        let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+        let since_ns = since.as_nanos() as u64;
+        // The standard library draws its hash keys at random.
+        let drawn = RandomState::new().hash_one((since_ns, std::process::id()));
+        Self { role, id: drawn.max(1), precedence, since_ns }
+    }
+}
+
+impl fmt::Display for Member {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}/{}/{}", self.role.name(), self.id, self.precedence, self.since_ns)
+    }
+}
+
+/// The text is no member's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NoMember;
+
+impl FromStr for Member {
+    type Err = NoMember;
+
+    fn from_str(text: &str) -> Result<Self, NoMember> {
+        let mut parts = text.split('/');
+        let mut next = || parts.next().ok_or(NoMember);
+        let name = next()?;
+        let role = Role::ALL.into_iter().find(|role| role.name() == name).ok_or(NoMember)?;
+        let id = number(next()?)?;
+        let precedence = number(next()?)?;
+        let since_ns = number(next()?)?;
+        if id == 0 || parts.next().is_some() {
+            return Err(NoMember);
+        }
+        Ok(Self { role, id, precedence, since_ns })
+    }
+}
+
+fn number<T: FromStr>(text: &str) -> Result<T, NoMember> {
+    text.parse().map_err(|_| NoMember)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_member_comes_back_from_its_announcement() {
+        let member = Member::new(Role::Controller, 3);
+        assert_eq!(member.to_string().parse(), Ok(member));
+        assert_ne!(member.id, Member::new(Role::Controller, 3).id);
+    }
+
+    #[test]
+    fn what_is_no_announcement_is_nobodys() {
+        for text in
+            ["", "plant", "plant/1/2", "plant/1/2/3/4", "cook/1/2/3", "plant/0/2/3", "plant/-1/2/3"]
+        {
+            assert_eq!(text.parse::<Member>(), Err(NoMember), "{text}");
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! Which of several controllers is in charge: the plant decides, and names it in every state.
+//!
+//! Whoever is in charge holds a *lease*, which it renews by answering. If it leaves a state unanswered
+//! for longer than the lease lasts, the best of the others takes over: the one of the highest
+//! precedence, among those the one that has been there longest. Nobody takes over from a controller that
+//! answers, and torques of any other are refused, so two controllers never alternate.
+
+use std::{
+    cmp::Reverse,
+    time::{Duration, Instant},
+};
+
+use crate::{
+    bus::{Attendance, BusError},
+    member::{Member, Role},
+};
+
+/// How often to look for a controller while there is none, or none that answers.
+const LOOK: Duration = Duration::from_millis(10);
+/// For how long a controller that did not answer comes last: where all are slower than the lease
+/// allows, each is in charge for at least as long.
+const DISTRUST: Duration = Duration::from_secs(1);
+
+/// The charge of one run.
+pub struct Lease {
+    duration: Duration,
+    attendance: Box<dyn Attendance>,
+    leader: u64,
+    /// Since when a state has been waiting for the leader's answer.
+    waiting: Option<Instant>,
+    looked: Option<Instant>,
+    /// Who did not answer, and when that was noticed.
+    deposed: Option<(u64, Instant)>,
+    /// Whoever was in charge last.
+    before: u64,
+    takeovers: u64,
+}
+
+impl Lease {
+    /// Nobody is in charge yet.
+    pub fn new(duration: Duration, attendance: Box<dyn Attendance>) -> Self {
+        Self {
+            duration,
+            attendance,
+            leader: 0,
+            waiting: None,
+            looked: None,
+            deposed: None,
+            before: 0,
+            takeovers: 0,
+        }
+    }
+
+    /// From now on a lease lasts so long.
+    pub fn adopt(&mut self, duration: Duration) {
+        self.duration = duration;
+    }
+
+    /// Another run begins: who is in charge stays so.
+    pub fn restart(&mut self) {
+        self.waiting = None;
+        self.takeovers = 0;
+    }
+
+    /// Who is to answer the state that is sent `now`; 0 for anybody.
+    pub fn leader(&mut self, now: Instant) -> Result<u64, BusError> {
+        let has_lapsed =
+            self.waiting.is_some_and(|since| now.duration_since(since) > self.duration);
+        let may_look = self.looked.is_none_or(|looked| now.duration_since(looked) >= LOOK);
+        if (self.leader == 0 || has_lapsed) && may_look {
+            self.looked = Some(now);
+            self.appoint(now)?;
+        }
+        self.waiting.get_or_insert(now);
+        Ok(self.leader)
+    }
+
+    /// Whether an answer of this controller may pass.
+    pub fn allows(&self, controller: u64) -> bool {
+        self.leader == 0 || self.leader == controller
+    }
+
+    /// An answer of this controller has passed.
+    pub fn answered(&mut self, controller: u64) {
+        self.leader = controller;
+        self.waiting = None;
+        self.takeovers += u64::from(self.before != 0 && self.before != controller);
+        self.before = controller;
+    }
+
+    /// How often another controller took charge.
+    pub fn takeovers(&self) -> u64 {
+        self.takeovers
+    }
+
+    /// Puts the best of those who are present in charge, rather than the one that did not answer.
+    fn appoint(&mut self, now: Instant) -> Result<(), BusError> {
+        let silent = self.leader;
+        let distrusted = self
+            .deposed
+            .filter(|(_, since)| now.duration_since(*since) < DISTRUST)
+            .map(|(controller, _)| controller);
+        let trust = |member: &Member| match member.id {
+            id if Some(id) == distrusted => 0,
+            id if id == silent => 1,
+            _ => 2,
+        };
+        let present = self.attendance.present()?;
+        let controllers = present.iter().filter(|member| member.role == Role::Controller);
+        let best = controllers.max_by_key(|member| {
+            (trust(member), member.precedence, Reverse((member.since_ns, member.id)))
+        });
+        // If nobody has announced himself, whoever answers is welcome.
+        self.leader = best.map_or(0, |member| member.id);
+        if self.leader != silent {
+            self.waiting = None;
+            self.deposed = Some((silent, now));
+        }
+        Ok(())
+    }
+}
