@@ -17,19 +17,18 @@ const MEMORY: usize = 16 << 20;
 const DESCRIPTORS: usize = 128;
 
 /// Whether there is enough of everything. Memory that is not there is noticed only when it is touched,
-/// by a signal that ends the process; so we try before.
+/// by a signal that ends the process; so we try before. Only inside.
 pub fn check(root: &Path) -> Result<(), BusError> {
     let descriptors: io::Result<Vec<File>> =
         (0..DESCRIPTORS).map(|_| File::open("/dev/null")).collect();
     drop(descriptors.map_err(|error| self::io(root, &error))?);
-    let path = root.join(format!("trial_{}", std::process::id()));
-    let tried = try_memory(&path);
-    let _ = fs::remove_file(&path);
-    tried.map_err(|error| self::io(root, &error))
+    try_memory(&root.join("trial")).map_err(|error| self::io(root, &error))
 }
 
 fn try_memory(path: &Path) -> io::Result<()> {
     let mut trial = File::create(path)?;
+    // It has no name any more when it grows, so nothing stays of it if we are killed.
+    fs::remove_file(path)?;
     let chunk = [0; 1 << 16];
     for _ in 0..MEMORY / chunk.len() {
         trial.write_all(&chunk)?;
