@@ -91,6 +91,15 @@ fn a_second_plant_is_refused_in_one_sentence() {
     assert!(said.contains("--session") && said.trim_end().lines().count() == 1, "{said}");
 }
 
+/// Whether a test may have a small /dev/shm of its own.
+fn may_mount() -> bool {
+    let is_root = fs::metadata("/proc/self").unwrap().uid() == 0;
+    if !is_root {
+        eprintln!("only root may mount a /dev/shm: nothing is tested here");
+    }
+    is_root
+}
+
 /// What a shell is told to do something first, and then be a role.
 fn shell(session: &Session, first: &str, role: &str) -> String {
     format!("{first} && exec {} {role} --session {} --bus iceoryx2", session::MTJ, session.name)
@@ -98,8 +107,7 @@ fn shell(session: &Session, first: &str, role: &str) -> String {
 
 #[test]
 fn a_role_says_that_shared_memory_is_full() {
-    if fs::metadata("/proc/self").unwrap().uid() != 0 {
-        eprintln!("only root may mount a small /dev/shm: nothing is tested here");
+    if !may_mount() {
         return;
     }
     let session = Session::on("iceoryx2");
@@ -113,6 +121,36 @@ fn a_role_says_that_shared_memory_is_full() {
             assert!(said.contains("/dev/shm") && said.trim_end().lines().count() == 1, "{said}");
         }
     }
+}
+
+#[test]
+fn a_loop_goes_on_where_shared_memory_becomes_full() {
+    if !may_mount() {
+        return;
+    }
+    let session = Session::on("iceoryx2");
+    let role = |role| format!("{} {role} --session {} --bus iceoryx2", session::MTJ, session.name);
+    let script = format!(
+        "mount -t tmpfs -o size=64m,mode=1777 tmpfs /dev/shm
+         {} & controller=$!
+         {} > /dev/null & monitor=$!
+         {} & plant=$!
+         sleep 2
+         dd if=/dev/zero of=/dev/shm/full bs=64k 2> /dev/null
+         kill -STOP $monitor
+         wait $plant; status=$?
+         kill -KILL $controller $monitor
+         exit $status",
+        role("controller"),
+        role("monitor"),
+        role("plant --json --scenario sampled/mtj --set duration=8s")
+    );
+    let mut shell = session.start_program("unshare", &["--mount", "sh", "-c", &script]);
+    assert!(shell.wait().success(), "{}", shell.stderr());
+    let report: serde_json::Value = serde_json::from_str(&shell.stdout()).unwrap();
+    assert_eq!((&report["samples"], &report["diverged"]), (&800.into(), &false.into()));
+    let applied = report["commands"]["applied"].as_u64().unwrap();
+    assert!(applied > 300, "it went on after the first two seconds: {report}");
 }
 
 #[test]

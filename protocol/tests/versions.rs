@@ -3,14 +3,11 @@
 #![cfg(feature = "iceoryx2")]
 #![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
 
-use std::time::Instant;
-
 use iceoryx2::prelude::ZeroCopySend;
 use mtj_model::scenario::Wait;
 use mtj_protocol::{
     bus::{Bus, BusError, Depth},
     iceoryx2::Iceoryx2Bus,
-    member::{Member, Role},
     sample::{Field, FieldMut, Header, Sample, StateSample},
 };
 use serde::{Deserialize, Serialize};
@@ -55,21 +52,5 @@ fn another_version_in_the_session_is_told_in_a_sentence() {
         let Some(BusError::Settings(sentence)) = error else { panic!("{error:?}") };
         assert!(sentence.contains(&session) && sentence.contains("another version"), "{sentence}");
         assert!(!sentence.contains("Incompatible"), "{sentence}");
-    }
-}
-
-#[test]
-fn measure_attendance() {
-    let session = format!("members-{}", std::process::id());
-    let bus = Iceoryx2Bus::open(&session).unwrap();
-    for count in [1, 5, 15] {
-        let _held: Vec<_> =
-            (0..count).map(|_| bus.announce(&Member::new(Role::Controller, 0)).unwrap()).collect();
-        let mut attendance = bus.attendance().unwrap();
-        let began = Instant::now();
-        for _ in 0..1000 {
-            assert_eq!(attendance.present().unwrap().len(), count);
-        }
-        println!("{count} members: {:?}", began.elapsed() / 1000);
     }
 }
