@@ -17,7 +17,6 @@ use mtj_protocol::{
     member::{Member, Role},
     port::{ControllerPort, Heard, fetch_scenario},
     sample::TorqueSample,
-    transport::AnyBus,
 };
 use nix::sys::signal::Signal;
 use serde_json::Value;
@@ -181,10 +180,9 @@ fn a_slow_controller_is_late_and_its_torques_act_late() {
     for bus in ["iceoryx2", "zenoh"] {
         let session = Session::on(bus);
         let mut plant = plant(&session, "2s");
-        let settings = session.settings();
         let end = Instant::now() + Duration::from_secs(20);
         let proceed = || Instant::now() < end;
-        let joined = AnyBus::open(&settings, Role::Controller, &proceed).unwrap().unwrap();
+        let joined = session.join(Role::Controller);
         let offered = fetch_scenario(&joined, &proceed).unwrap().unwrap();
         let member = Member::new(Role::Controller, 0);
         let mut port = ControllerPort::open(&joined, &member, &offered, Wait::Block).unwrap();
@@ -283,7 +281,7 @@ fn a_trace_that_finds_the_disk_full_is_told() {
 fn a_controller_says_once_that_the_plant_speaks_another_version() {
     // The other version is played by this test, over a bus where anybody may write any bytes.
     let session = Session::on("zenoh");
-    let bus = AnyBus::open(&session.settings(), Role::Plant, &|| true).unwrap().unwrap();
+    let bus = session.join(Role::Plant);
     let offer = mtj_protocol::codec::encode_offer(&mtj_protocol::codec::Offer {
         version: mtj_protocol::sample::VERSION + 1,
         revision: 0,

@@ -9,7 +9,7 @@ use std::{
     collections::BTreeSet,
     fs::{self, File},
     net::TcpListener,
-    os::unix::process::CommandExt,
+    os::unix::{fs::MetadataExt, process::CommandExt},
     path::{Path, PathBuf},
     process::{self, Child, Command, ExitStatus, Stdio},
     sync::atomic::{AtomicU64, Ordering},
@@ -18,10 +18,14 @@ use std::{
 };
 
 use mtj_model::scenario::BusSettings;
+use mtj_protocol::{member::Role, transport::AnyBus};
 use nix::{
     sys::signal::{Signal, kill},
     unistd::Pid,
 };
+
+/// The program.
+pub const MTJ: &str = env!("CARGO_BIN_EXE_mtj");
 
 /// Nothing here takes this long unless it never ends.
 pub const LONG: Duration = Duration::from_secs(60);
@@ -50,22 +54,6 @@ impl Session {
         Self { name, directory, bus: arguments, started: AtomicU64::new(0) }
     }
 
-    /// Where the session's bus is, for a test that joins it.
-    pub fn settings(&self) -> BusSettings {
-        let mut table = toml::Table::new();
-        for pair in self.bus.chunks(2) {
-            let key = match pair[0].trim_start_matches("--") {
-                "bus" => "kind",
-                key => key,
-            };
-            table.insert(key.to_owned(), pair[1].as_str().into());
-        }
-        if table.contains_key("listen") {
-            table.insert("kind".to_owned(), "zenoh".into());
-        }
-        BusSettings::from_table("here", table).unwrap()
-    }
-
     /// Starts `mtj` with some arguments, split at blanks, on this session's bus.
     pub fn start(&self, arguments: &str) -> Running {
         let bus: Vec<&str> = self.bus.iter().map(String::as_str).collect();
@@ -74,10 +62,15 @@ impl Session {
 
     /// Starts `mtj` with exactly these arguments, in a process group of its own.
     pub fn start_exactly(&self, arguments: &[&str]) -> Running {
+        self.start_program(MTJ, arguments)
+    }
+
+    /// Starts a program that becomes `mtj`.
+    pub fn start_program(&self, program: &str, arguments: &[&str]) -> Running {
         let number = self.started.fetch_add(1, Ordering::Relaxed);
         let file = |stream| self.directory.join(format!("{number}.{stream}"));
         let (out, err) = (file("out"), file("err"));
-        let child = Command::new(env!("CARGO_BIN_EXE_mtj"))
+        let child = Command::new(program)
             .args(arguments)
             .current_dir(&self.directory)
             .env_remove("RUST_BACKTRACE")
@@ -88,6 +81,20 @@ impl Session {
             .spawn()
             .unwrap();
         Running { child, out, err, arguments: arguments.join(" ") }
+    }
+
+    /// Joins the session's bus from within the test.
+    pub fn join(&self, role: Role) -> AnyBus {
+        let mut table = toml::Table::new();
+        for pair in self.bus.chunks(2) {
+            let key = pair[0].trim_start_matches("--").replace("bus", "kind");
+            table.insert(key, pair[1].as_str().into());
+        }
+        if !table.contains_key("kind") {
+            table.insert("kind".to_owned(), "zenoh".into());
+        }
+        let settings = BusSettings::from_table("the test", table).unwrap();
+        AnyBus::open(&settings, role, &|| true).unwrap().unwrap()
     }
 
     /// Runs `mtj` to its end and parses what it prints as JSON.
@@ -215,12 +222,24 @@ pub fn shared_memory_of(pids: &[u32]) -> BTreeSet<String> {
             .filter_map(|part| part.parse::<u128>().ok())
             .any(|number| pids.contains(&((number >> 64) as u32)))
     };
-    ["/dev/shm", "/tmp/iceoryx2", "/tmp/iceoryx2/nodes"]
-        .iter()
-        .filter_map(|directory| fs::read_dir(directory).ok())
-        .flatten()
-        .flatten()
-        .filter_map(|entry| entry.file_name().into_string().ok())
-        .filter(|name| made_by_them(name))
-        .collect()
+    shared_memory().into_iter().filter(|path| made_by_them(path)).collect()
+}
+
+/// Everything that any mtj of this user has in shared memory.
+pub fn shared_memory() -> BTreeSet<String> {
+    let user = fs::metadata("/proc/self").unwrap().uid();
+    let (domain, prefix) = (format!("mtj_{user}"), format!("mtj_{user}_"));
+    let paths = |directory: &Path| {
+        let entries = fs::read_dir(directory).into_iter().flatten().flatten();
+        entries.map(|entry| entry.path()).collect::<Vec<_>>()
+    };
+    let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let mut found = paths(Path::new("/dev/shm"));
+    found.retain(|path| name(path) == domain || name(path).starts_with(&prefix));
+    let mut next = 0;
+    while next < found.len() {
+        found.extend(paths(&found[next]));
+        next += 1;
+    }
+    found.into_iter().map(|path| path.display().to_string()).collect()
 }

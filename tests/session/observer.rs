@@ -27,7 +27,7 @@ pub struct Observer {
 
 impl Observer {
     pub fn join(session: &Session) -> Self {
-        let bus = AnyBus::open(&session.settings(), Role::Monitor, &|| true).unwrap().unwrap();
+        let bus = session.join(Role::Monitor);
         Self {
             port: MonitorPort::open(&bus).unwrap(),
             attendance: bus.attendance().unwrap(),
