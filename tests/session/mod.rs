@@ -49,8 +49,14 @@ impl Session {
 
     /// Starts `mtj` with some arguments, split at blanks, on this session's bus.
     pub fn start(&self, arguments: &str) -> Running {
+        self.start_behind_on_bus(&[], arguments)
+    }
+
+    /// The same behind a command that makes way for `mtj`, like `env`.
+    pub fn start_behind_on_bus(&self, prefix: &[&str], arguments: &str) -> Running {
         let bus: Vec<&str> = self.bus.iter().map(String::as_str).collect();
-        self.start_exactly(&[&arguments.split(' ').collect::<Vec<_>>()[..], &bus].concat())
+        let arguments = [&arguments.split(' ').collect::<Vec<_>>()[..], &bus].concat();
+        self.start_behind(prefix, &arguments)
     }
 
     /// Starts `mtj` with exactly these arguments, in a process group of its own.
@@ -58,7 +64,7 @@ impl Session {
         self.start_behind(&[], arguments)
     }
 
-    /// The same behind a command that puts itself in front and is then replaced by `mtj`, like `env`.
+    /// The same behind a command that makes way for `mtj`, like `env`.
     pub fn start_behind(&self, prefix: &[&str], arguments: &[&str]) -> Running {
         let number = self.started.fetch_add(1, Ordering::Relaxed);
         let file = |stream| self.directory.join(format!("{number}.{stream}"));

@@ -3,7 +3,7 @@
 use mtj_model::scenario::BusSettings;
 use zenoh::Config;
 
-use super::in_one_line;
+use super::{in_one_line, recovery};
 use crate::{bus::BusError, member::Role};
 
 /// How many samples may wait for Zenoh's sending thread before one is dropped: the most that Zenoh
@@ -36,6 +36,9 @@ pub(super) fn configure(settings: &BusSettings, role: Role) -> Result<Config, Bu
         set("mode", if role == Role::Plant { "\"peer\"" } else { "\"client\"" }.to_owned())?;
         set("listen/endpoints", "[]".to_owned())?;
         set("transport/link/tx/queue/size/real_time", QUEUE.to_string())?;
+        for (key, value) in recovery::SETTINGS {
+            set(key, value.to_owned())?;
+        }
     }
     match role {
         Role::Plant if ours || settings.listen.is_some() => {

@@ -6,6 +6,7 @@
 //! when the network is congested: a late sample is worth less than the next one.
 
 mod config;
+mod recovery;
 
 use std::{
     any::Any,
@@ -22,6 +23,7 @@ use zenoh::{
     sample::SampleKind,
 };
 
+use self::recovery::Unlingering;
 use crate::{
     bus::{Attendance, Bus, BusError, Depth, Offering, Reader, Writer},
     codec::{self, LARGEST_SAMPLE},
@@ -39,6 +41,7 @@ const QUERY_TIMEOUT: Duration = Duration::from_secs(1);
 pub struct ZenohBus {
     session: Session,
     prefix: String,
+    _unlingering: Unlingering,
 }
 
 impl ZenohBus {
@@ -67,7 +70,11 @@ impl ZenohBus {
                 Err(_) => thread::sleep(RETRY),
             }
         };
-        Ok(Some(Self { session, prefix: format!("mtj/{}", settings.session) }))
+        Ok(Some(Self {
+            session,
+            prefix: format!("mtj/{}", settings.session),
+            _unlingering: Unlingering::begin()?,
+        }))
     }
 
     /// Whether the settings make a Zenoh configuration.
