@@ -3,7 +3,7 @@
 use mtj_model::scenario::BusSettings;
 use zenoh::Config;
 
-use super::{in_one_line, recovery};
+use super::{access, credentials::Credentials, exposure, in_one_line, recovery};
 use crate::{bus::BusError, member::Role};
 
 /// How many samples may wait for Zenoh's sending thread before one is dropped: the most that Zenoh
@@ -54,6 +54,17 @@ pub(super) fn configure(settings: &BusSettings, role: Role) -> Result<Config, Bu
         }
         _ => {}
     }
+    if let Some(credentials) = Credentials::of(settings, role)? {
+        for (key, value) in credentials.tls() {
+            set(&key, value)?;
+        }
+        // Whatever else is found on the way, by scouting or gossip, is not spoken to.
+        set("transport/link/protocols", r#"["tls", "quic"]"#.to_owned())?;
+        if role == Role::Plant {
+            set("access_control", access::rules(&settings.session).map_err(refuse)?)?;
+        }
+    }
+    exposure::check(&config, settings)?;
     Ok(config)
 }
 

@@ -4,8 +4,19 @@
 //! directly or through a router, so that all traffic of a session passes through explicit addresses.
 //! Samples travel express (no batching), with real-time priority, and are dropped rather than queued
 //! when the network is congested: a late sample is worth less than the next one.
+//!
+//! ```text
+//! config       the session's configuration, made of the user's settings
+//! credentials  certificates, and the TLS that they make
+//! access       who may say what
+//! exposure     where nobody listens without them
+//! recovery     what brings a session back after the network failed
+//! ```
 
+mod access;
 mod config;
+mod credentials;
+mod exposure;
 mod recovery;
 
 use std::{
@@ -36,6 +47,8 @@ use crate::{
 const RETRY: Duration = Duration::from_millis(100);
 /// How long an answer to a query may take.
 const QUERY_TIMEOUT: Duration = Duration::from_secs(1);
+/// How long a role with certificates tries to connect before it says that they may be to blame.
+const DOUBT: Duration = Duration::from_secs(3);
 
 /// A session on Zenoh.
 pub struct ZenohBus {
@@ -53,6 +66,7 @@ impl ZenohBus {
         proceed: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, BusError> {
         let config = config::configure(settings, role)?;
+        let mut doubt = settings.certs.is_some().then(|| Instant::now() + DOUBT);
         let session = loop {
             if !proceed() {
                 return Ok(None);
@@ -67,7 +81,16 @@ impl ZenohBus {
                         in_one_line(&error)
                     )));
                 }
-                Err(_) => thread::sleep(RETRY),
+                Err(_) => {
+                    if doubt.take_if(|from| Instant::now() >= *from).is_some() {
+                        eprintln!(
+                            "mtj: no way to {} yet: nobody is there, its certificate is of another \
+                             authority or for another host name, or ours is not accepted; still trying",
+                            settings.connect_endpoints().join(", ")
+                        );
+                    }
+                    thread::sleep(RETRY);
+                }
             }
         };
         Ok(Some(Self {
