@@ -9,6 +9,7 @@ mod session;
 
 use std::{
     env,
+    path::Path,
     process::Child,
     thread,
     time::{Duration, Instant},
@@ -120,7 +121,7 @@ fn await_loop(monitor: &Running) {
     eventually("a line of the monitor", || monitor.stdout().contains("|e|").then_some(()));
 }
 
-/// Pulls the plant's cable for so many seconds; how many it really were.
+/// Pulls a machine's cable for so many seconds; how many it really were.
 fn interrupt(network: &Network, machine: u32, cut: Cut, seconds: f64) -> f64 {
     let began = Instant::now();
     network.cut(machine, cut);
@@ -274,20 +275,14 @@ fn a_controller_needs_an_address_and_serves_whatever_plant_comes_there() {
 /// Where the router of a test listens; set where this program is to be one.
 const LISTEN: &str = "MTJ_TEST_ROUTER";
 
-/// As a router of its own, when another test starts this program on another machine: what zenohd is with
-/// the configuration of docs/deployment.md.
+/// As a router, when another test starts this program on another machine: it does what zenohd does with
+/// the same configuration.
 #[test]
 fn a_router_for_the_other_tests() {
     let Ok(listen) = env::var(LISTEN) else { return };
-    let mut config = zenoh::Config::default();
-    for (key, value) in [
-        ("mode", "\"router\""),
-        ("scouting/multicast/enabled", "false"),
-        ("listen/endpoints", &format!("[{listen:?}]")),
-        ("transport/link/tx/lease", "500"),
-    ] {
-        config.insert_json5(key, value).unwrap();
-    }
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../deploy/router.json5");
+    let mut config = zenoh::Config::from_file(file).unwrap();
+    config.insert_json5("listen/endpoints", &format!("[{listen:?}]")).unwrap();
     let _router = zenoh::open(config).wait().unwrap();
     // The test that started it ends it.
     thread::sleep(session::LONG);
@@ -296,11 +291,12 @@ fn a_router_for_the_other_tests() {
 struct Router(Child);
 
 impl Router {
-    fn on(network: &Network, machine: u32, listen: &str) -> Self {
+    /// Starts one in the directory of its certificates.
+    fn on(network: &Network, machine: u32, listen: &str, certs: &Path) -> Self {
         let program = env::current_exe().unwrap();
         let mut command = network.command(machine, program.to_str().unwrap());
-        command.args(["--exact", "a_router_for_the_other_tests"]).env(LISTEN, listen);
-        Self(command.spawn().unwrap())
+        command.args(["--exact", "a_router_for_the_other_tests"]);
+        Self(command.env(LISTEN, listen).current_dir(certs).spawn().unwrap())
     }
 }
 
@@ -312,23 +308,26 @@ impl Drop for Router {
 }
 
 #[test]
-fn a_loop_goes_through_a_router_whoever_of_them_comes_back() {
+fn a_loop_goes_through_a_router_whoever_comes_back() {
     let (network, session) = (Network::of(3), Session::on("zenoh"));
-    let endpoint = format!("tcp/{}:7447", network.address(ROUTER));
-    let to_router = format!("--session {} --connect {endpoint}", session.name);
+    let address = network.address(ROUTER);
+    let certs = session.start_exactly(&["certs", "--out", "certs", "--host", &address]).wait();
+    assert!(certs.success());
+    let endpoint = format!("tls/{address}:7447");
+    let to_router = format!("--session {} --connect {endpoint} --certs certs", session.name);
     let start = |machine, arguments: &str| {
         network.start(machine, &session, &format!("{arguments} {to_router}"))
     };
     let plant = |arguments: &str| {
-        let scenario = "plant --json --listen tcp/127.0.0.1:7447 --scenario remote/mtj";
+        let scenario = "plant --json --listen tls/127.0.0.1:7447 --scenario remote/mtj";
         start(PLANT, &format!("{scenario} {arguments}"))
     };
     let _controller = start(CONTROLLER, "controller");
     let monitor = start(CONTROLLER, "monitor");
-    // Whoever comes first waits for the router.
+    // Whoever comes before the router waits for it.
     let mut first = plant("--set duration=8s --trace trace.csv");
     thread::sleep(Duration::from_secs(1));
-    let _router = Router::on(&network, ROUTER, &endpoint);
+    let _router = Router::on(&network, ROUTER, &endpoint, &session.directory.join("certs"));
     await_loop(&monitor);
     let lasted = interrupt(&network, CONTROLLER, Cut::Silence, 1.0);
     assert!(first.wait().success(), "{}", first.stderr());
