@@ -88,7 +88,9 @@ impl Network {
     pub fn cut(&self, machine: u32, cut: Cut) {
         match cut {
             Cut::Carrier => ip(&format!("-n {} link set eth0 down", self.machine(machine))),
-            Cut::Silence => ip(&format!("-n {} link set {} nomaster", self.switch(), port(machine))),
+            Cut::Silence => {
+                ip(&format!("-n {} link set {} nomaster", self.switch(), port(machine)))
+            }
         }
     }
 

@@ -60,7 +60,8 @@ impl Unlingering {
 /// Only Zenoh makes sockets linger here, and it does not say which they are.
 fn unlinger() {
     let Ok(descriptors) = fs::read_dir("/proc/self/fd") else { return };
-    let numbers = descriptors.flatten().filter_map(|entry| entry.file_name().to_str()?.parse().ok());
+    let numbers =
+        descriptors.flatten().filter_map(|entry| entry.file_name().to_str()?.parse().ok());
     for number in numbers.filter(|number: &RawFd| *number >= 0) {
         #[allow(unsafe_code, reason = "Zenoh owns the socket and does not lend it")]
         // SAFETY: used at once, for two system calls. If Zenoh closes the socket meanwhile, they fail or
