@@ -8,6 +8,7 @@ use mtj_monitor::options::MonitorOptions;
 use mtj_plant::options::PlantOptions;
 use mtj_study::command::{
     Failure,
+    certs::Certs,
     export::Export,
     knob::{Kick, Pause, Reset, Resume, Set},
     paper::Paper,
@@ -45,6 +46,7 @@ enum Command {
     Resume(Resume),
     Reset(Reset),
     Kick(Kick),
+    Certs(Certs),
 }
 
 fn main() -> ExitCode {
@@ -81,5 +83,6 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Resume(resume) => resume.run(),
         Command::Reset(reset) => reset.run(),
         Command::Kick(kick) => kick.run(),
+        Command::Certs(certs) => certs.run(),
     }
 }

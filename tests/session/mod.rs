@@ -56,13 +56,25 @@ impl Session {
 
     /// Starts `mtj` with some arguments, split at blanks, on this session's bus.
     pub fn start(&self, arguments: &str) -> Running {
+        self.start_behind_on_bus(&[], arguments)
+    }
+
+    /// The same behind a command that makes way for `mtj`, like `env`.
+    pub fn start_behind_on_bus(&self, prefix: &[&str], arguments: &str) -> Running {
         let bus: Vec<&str> = self.bus.iter().map(String::as_str).collect();
-        self.start_exactly(&[&arguments.split(' ').collect::<Vec<_>>()[..], &bus].concat())
+        let arguments = [&arguments.split(' ').collect::<Vec<_>>()[..], &bus].concat();
+        self.start_behind(prefix, &arguments)
     }
 
     /// Starts `mtj` with exactly these arguments, in a process group of its own.
     pub fn start_exactly(&self, arguments: &[&str]) -> Running {
         self.start_program(MTJ, arguments)
+    }
+
+    /// The same behind a command that makes way for `mtj`, like `env`.
+    pub fn start_behind(&self, prefix: &[&str], arguments: &[&str]) -> Running {
+        let words = [prefix, &[MTJ], arguments].concat();
+        self.start_program(words[0], &words[1..])
     }
 
     /// Starts a program that becomes `mtj`.

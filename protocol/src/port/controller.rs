@@ -12,13 +12,18 @@ use crate::{
     sample::{ErrorSample, Header, StateSample, TorqueSample},
 };
 
+/// How many states in a row may be older than the newest. No network reorders so many; the newest was
+/// none of the plant's, but damaged on its way.
+const STALE: u32 = 10;
+
 /// What a controller hears.
 pub enum Heard {
     /// A state to answer.
     State(StateSample),
     /// The state it has answered already, once more: the plant wants that answer again.
     Again(StateSample),
-    /// A state of a plant with another scenario than the one it has.
+    /// A state of a plant with another scenario than the one it has, or one that does not fit what was
+    /// heard before: time to begin anew.
     OtherRun(u64),
 }
 
@@ -32,6 +37,7 @@ pub struct ControllerPort {
     scenario: Follower,
     wait: Wait,
     gate: Gate,
+    stale: u32,
     complaints: Complaints,
     id: u64,
 }
@@ -52,6 +58,7 @@ impl ControllerPort {
             newest: None,
             wait,
             gate: Gate::new(offered.run),
+            stale: 0,
             scenario: Follower::knowing(offered),
             complaints: Complaints::default(),
             id: member.id,
@@ -63,12 +70,19 @@ impl ControllerPort {
         while let Some(state) = bus::receive(&mut *self.states, self.wait, until)? {
             match self.gate.judge(&state) {
                 Verdict::Fresh => {
+                    self.stale = 0;
                     self.newest = Some(state.header);
                     return Ok(Some(Heard::State(state)));
                 }
                 Verdict::Repeated => return Ok(Some(Heard::Again(state))),
                 Verdict::Refused(Fault::Run) => return Ok(Some(Heard::OtherRun(state.header.run))),
-                Verdict::Refused(fault) => self.complaints.once::<StateSample>(fault),
+                Verdict::Refused(fault) => {
+                    self.complaints.once::<StateSample>(fault);
+                    self.stale += u32::from(fault == Fault::Stale);
+                    if self.stale > STALE {
+                        return Ok(Some(Heard::OtherRun(state.header.run)));
+                    }
+                }
             }
         }
         // A plant that pauses is no reason to be taken for dead.

@@ -4,6 +4,20 @@
 //! directly or through a router, so that all traffic of a session passes through explicit addresses.
 //! Samples travel express (no batching), with real-time priority, and are dropped rather than queued
 //! when the network is congested: a late sample is worth less than the next one.
+//!
+//! ```text
+//! config       the session's configuration, made of the user's settings
+//! credentials  certificates, and the TLS that they make
+//! access       who may say what
+//! exposure     where nobody listens without them
+//! recovery     what brings a session back after the network failed
+//! ```
+
+mod access;
+mod config;
+mod credentials;
+mod exposure;
+mod recovery;
 
 use std::{
     any::Any,
@@ -14,12 +28,13 @@ use std::{
 
 use mtj_model::scenario::{BusSettings, Wait};
 use zenoh::{
-    Config, Session, Wait as _,
+    Session, Wait as _,
     pubsub::Publisher,
     qos::{CongestionControl, Priority},
     sample::SampleKind,
 };
 
+use self::recovery::Unlingering;
 use crate::{
     bus::{Attendance, Bus, BusError, Depth, Offering, Reader, Writer},
     codec::{self, LARGEST_SAMPLE},
@@ -30,17 +45,16 @@ use crate::{
 
 /// How long to wait before trying to connect once more.
 const RETRY: Duration = Duration::from_millis(100);
-/// How many samples may wait for Zenoh's sending thread before one is dropped: the most that Zenoh
-/// allows. Its default of 2 loses samples of a monitor's stream at 1 kHz whenever the thread gets no
-/// core for some milliseconds; the loop reads the newest anyway.
-const QUEUE: usize = 16;
 /// How long an answer to a query may take.
 const QUERY_TIMEOUT: Duration = Duration::from_secs(1);
+/// How long a role with certificates tries to connect before it says that they may be to blame.
+const DOUBT: Duration = Duration::from_secs(3);
 
 /// A session on Zenoh.
 pub struct ZenohBus {
     session: Session,
     prefix: String,
+    _unlingering: Unlingering,
 }
 
 impl ZenohBus {
@@ -51,7 +65,8 @@ impl ZenohBus {
         role: Role,
         proceed: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, BusError> {
-        let config = configure(settings, role)?;
+        let config = config::configure(settings, role)?;
+        let mut doubt = settings.certs.is_some().then(|| Instant::now() + DOUBT);
         let session = loop {
             if !proceed() {
                 return Ok(None);
@@ -66,67 +81,33 @@ impl ZenohBus {
                         in_one_line(&error)
                     )));
                 }
-                Err(_) => thread::sleep(RETRY),
+                Err(_) => {
+                    if doubt.take_if(|from| Instant::now() >= *from).is_some() {
+                        eprintln!(
+                            "mtj: no way to {} yet: nobody is there, its certificate is of another \
+                             authority or for another host name, or ours is not accepted; still trying",
+                            settings.connect_endpoints().join(", ")
+                        );
+                    }
+                    thread::sleep(RETRY);
+                }
             }
         };
-        Ok(Some(Self { session, prefix: format!("mtj/{}", settings.session) }))
+        Ok(Some(Self {
+            session,
+            prefix: format!("mtj/{}", settings.session),
+            _unlingering: Unlingering::begin()?,
+        }))
     }
 
     /// Whether the settings make a Zenoh configuration.
     pub fn check(settings: &BusSettings) -> Result<(), BusError> {
-        configure(settings, Role::Plant).map(drop)
+        config::configure(settings, Role::Plant).map(drop)
     }
 
     fn key(&self, topic: &str) -> String {
         format!("{}/{topic}", self.prefix)
     }
-}
-
-/// The session's configuration: the user's file if there is one, ours over it where it speaks of
-/// what the user said on the command line or in the scenario.
-fn configure(settings: &BusSettings, role: Role) -> Result<Config, BusError> {
-    let refuse = |error: zenoh::Error| {
-        BusError::Settings(format!("the Zenoh configuration: {}", in_one_line(&error)))
-    };
-    let mut config = match &settings.config {
-        None => Config::default(),
-        Some(path) => Config::from_file(path).map_err(|error| {
-            let reason = in_one_line(&error);
-            BusError::Settings(format!("{}: not a Zenoh configuration ({reason})", path.display()))
-        })?,
-    };
-    let mut set = |key: &str, value: String| config.insert_json5(key, &value).map_err(refuse);
-    let ours = settings.config.is_none();
-    if ours || settings.scouting.is_some() {
-        let scouting = settings.scouting.unwrap_or(false);
-        set("scouting/multicast/enabled", scouting.to_string())?;
-    }
-    if ours {
-        // Nobody needs to know of anybody but the plant, and nobody listens but where told.
-        set("scouting/gossip/enabled", "false".to_owned())?;
-        set("mode", if role == Role::Plant { "\"peer\"" } else { "\"client\"" }.to_owned())?;
-        set("listen/endpoints", "[]".to_owned())?;
-        set("transport/link/tx/queue/size/real_time", QUEUE.to_string())?;
-    }
-    match role {
-        Role::Plant if ours || settings.listen.is_some() => {
-            set("listen/endpoints", list(&settings.listen_endpoints()))?;
-            if settings.listen.is_some()
-                && let Some(connect) = &settings.connect
-            {
-                set("connect/endpoints", list(connect))?;
-            }
-        }
-        _ if ours || settings.connect.is_some() || settings.listen.is_some() => {
-            set("connect/endpoints", list(&settings.connect_endpoints()))?;
-        }
-        _ => {}
-    }
-    Ok(config)
-}
-
-fn list(endpoints: &[String]) -> String {
-    format!("{endpoints:?}")
 }
 
 impl Bus for ZenohBus {
