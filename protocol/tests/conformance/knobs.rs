@@ -134,6 +134,7 @@ pub fn everybody_hears_who_takes_part<R: Rig>() {
         met.plant.report(&StatusSample { header: header(met.next), ..Default::default() }).unwrap();
         let error = ErrorSample { header: header(met.next), ..Default::default() };
         met.controller.publish(&error).unwrap();
+        met.controller.tell(&state(met.next)).unwrap();
         monitor
             .drain(&met.other, &mut |message| {
                 if let Message::Presence(presence) = message {

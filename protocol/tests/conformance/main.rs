@@ -6,6 +6,7 @@
     reason = "a helper that cannot go on fails its test"
 )]
 
+mod charge;
 mod knobs;
 mod ports;
 mod rig;
@@ -38,4 +39,8 @@ for_every_bus! {
     knobs::a_wish_for_another_run_or_of_another_version_is_nobodys;
     knobs::a_changed_scenario_comes_before_the_samples_it_is_about;
     knobs::everybody_hears_who_takes_part;
+    charge::two_controllers_never_alternate;
+    charge::the_best_one_takes_over_when_the_lease_lapses;
+    charge::a_lone_controller_that_is_slower_than_its_lease_stays_in_charge;
+    charge::whoever_answers_takes_charge_where_nobody_has_announced_himself;
 }

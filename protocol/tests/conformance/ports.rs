@@ -3,7 +3,7 @@
 use mtj_protocol::{
     bus::Bus,
     port::{Answer, Exchange, Heard, Message, MonitorPort},
-    sample::{ErrorSample, Header, Sample, StateSample, StatusSample, TorqueSample, VERSION},
+    sample::{ErrorSample, Sample, StateSample, StatusSample, TorqueSample, VERSION},
 };
 
 use crate::rig::*;
@@ -16,67 +16,86 @@ pub fn the_loop_closes_through_the_ports<R: Rig>() {
     assert_eq!((met.plant.rejected(), met.controller.rejected()), (0, 0));
 }
 
-/// Samples that are unacceptable for one reason each.
-pub fn faults<S: Sample>(
-    good: impl Fn(u64) -> S,
-    header_of: fn(&mut S) -> &mut Header,
-    number_of: fn(&mut S) -> &mut f64,
-) -> Vec<(&'static str, S)> {
-    let with = |change: &dyn Fn(&mut S)| {
-        let mut sample = good(1 << 40);
-        change(&mut sample);
-        sample
-    };
+/// What makes a sample unacceptable.
+type Fault<S> = (&'static str, Box<dyn Fn(&mut S)>);
+
+/// Everything that makes any sample unacceptable, one by one.
+fn faults<S: Sample>(number_of: fn(&mut S) -> &mut f64) -> Vec<Fault<S>> {
     vec![
-        ("foreign version", with(&|s| header_of(s).version = VERSION + 1)),
-        ("no joints", with(&|s| header_of(s).joints = 0)),
-        ("eight joints", with(&|s| header_of(s).joints = 8)),
-        ("no axes", with(&|s| header_of(s).axes = 0)),
-        ("seven axes", with(&|s| header_of(s).axes = 7)),
-        ("foreign run", with(&|s| header_of(s).run = RUN + 1)),
-        ("not a number", with(&|s| *number_of(s) = f64::NAN)),
-        ("infinite", with(&|s| *number_of(s) = f64::NEG_INFINITY)),
-        ("stale", with(&|s| *header_of(s) = header(0))),
+        ("foreign version", Box::new(|s| s.header_mut().version = VERSION + 1)),
+        ("no joints", Box::new(|s| s.header_mut().joints = 0)),
+        ("eight joints", Box::new(|s| s.header_mut().joints = 8)),
+        ("no axes", Box::new(|s| s.header_mut().axes = 0)),
+        ("seven axes", Box::new(|s| s.header_mut().axes = 7)),
+        ("foreign run", Box::new(|s| s.header_mut().run = RUN + 1)),
+        ("not a number", Box::new(move |s| *number_of(s) = f64::NAN)),
+        ("infinite", Box::new(move |s| *number_of(s) = f64::NEG_INFINITY)),
+        ("stale", Box::new(|s| *s.header_mut() = header(0))),
     ]
 }
 
 pub fn the_plant_ignores_torques_that_are_not_acceptable<R: Rig>() {
     let mut met = close_the_loop(&R::new());
     let mut stranger = met.other.writer::<TorqueSample>().unwrap();
-    eventually("a good torque of a stranger", || {
-        met.next += 1;
-        stranger.write(&torque(met.next)).unwrap();
-        met.plant.receive(glance()).unwrap()
+    eventually("a torque of a stranger who says he is the controller", || {
+        let answer = met.answered_by(|asked| stranger.write(&torque(asked)).unwrap());
+        assert_ne!(answer, Some(Answer::NotFinite(met.next - 1)));
+        answer
     });
     while met.plant.receive(glance()).unwrap().is_some() {}
-    met.next += 1;
-    let faults = faults(torque, |s| &mut s.header, |s| &mut s.torque[6]);
-    for (count, (name, bad)) in faults.into_iter().enumerate() {
-        stranger.write(&bad).unwrap();
+    let before = met.plant.rejected();
+    let mut faults = faults::<TorqueSample>(|s| &mut s.torque[6]);
+    faults.push(("not in charge", Box::new(|s| s.controller += 1)));
+    faults.push((
+        "not in charge nor finite",
+        Box::new(|s| {
+            s.controller += 1;
+            s.torque[0] = f64::NAN;
+        }),
+    ));
+    faults.push(("unasked", Box::new(|s| s.header.sequence += 1)));
+    for (count, (name, spoil)) in faults.into_iter().enumerate() {
+        let mut first = true;
         eventually(name, || {
-            match met.plant.receive(glance()).unwrap() {
+            let found = if std::mem::take(&mut first) {
+                met.answered_by(|asked| {
+                    let mut bad = torque(asked);
+                    spoil(&mut bad);
+                    stranger.write(&bad).unwrap();
+                })
+            } else {
+                met.plant.receive(glance()).unwrap()
+            };
+            match found {
                 None => {}
                 Some(Answer::NotFinite(sequence)) => {
-                    assert_eq!((sequence, bad.torque[6].is_finite()), (1 << 40, false));
+                    assert!(
+                        sequence == met.next - 1 && ["not a number", "infinite"].contains(&name)
+                    );
                 }
                 Some(Answer::Torque(found)) => panic!("{name} came through: {found:?}"),
             }
-            (met.plant.rejected() == count as u64 + 1).then_some(())
+            (met.plant.rejected() == before + 2 * count as u64 + 1).then_some(())
         });
         met.exchange();
-        // A duplicate of the newest acts only once.
+        // A duplicate of the newest acts only once, and is counted too.
         stranger.write(&torque(met.next - 1)).unwrap();
-        assert_eq!(met.plant.receive(glance()).unwrap(), None, "a duplicate after {name}");
+        eventually("a duplicate", || {
+            assert_eq!(met.plant.receive(glance()).unwrap(), None, "a duplicate after {name}");
+            (met.plant.rejected() == before + 2 * count as u64 + 2).then_some(())
+        });
         met.exchange();
-        assert_eq!(met.plant.rejected(), count as u64 + 1, "after {name}");
     }
 }
 
 pub fn the_controller_ignores_states_that_are_not_acceptable<R: Rig>() {
     let mut met = close_the_loop(&R::new());
     met.exchange();
-    let faults = faults(state, |s| &mut s.header, |s| &mut s.delivered[0]);
-    for (count, (name, bad)) in faults.into_iter().enumerate() {
+    for (count, (name, spoil)) in
+        faults::<StateSample>(|s| &mut s.delivered[0]).into_iter().enumerate()
+    {
+        let mut bad = state(1 << 40);
+        spoil(&mut bad);
         met.plant.send(&bad).unwrap();
         eventually(name, || {
             match met.controller.receive(glance()).unwrap() {
@@ -96,7 +115,9 @@ pub fn the_controller_is_asked_again_and_notices_another_run<R: Rig>() {
     let repeated = StateSample { sent_ns: 99, ..state(met.next - 1) };
     met.plant.send(&repeated).unwrap();
     match met.controller.receive(soon()).unwrap() {
-        Some(Heard::Again(found)) => assert_eq!(found, repeated),
+        Some(Heard::Again(found)) => {
+            assert_eq!(found, StateSample { leader: member().id, ..repeated });
+        }
         _ => panic!("a repeated state asks for the same answer again"),
     }
     assert_eq!(met.controller.rejected(), 0, "asking again is no fault");

@@ -205,6 +205,18 @@ pub fn close_the_loop(rig: &impl Rig) -> Met {
 }
 
 impl Met {
+    /// Sends the next state and lets somebody answer its number; what the plant makes of that.
+    pub fn answered_by(&mut self, answer: impl FnOnce(u64)) -> Option<Answer> {
+        self.plant.send(&state(self.next)).unwrap();
+        self.next += 1;
+        while !matches!(
+            self.controller.receive(soon()).unwrap(),
+            Some(Heard::State(heard)) if heard.header.sequence + 1 == self.next
+        ) {}
+        answer(self.next - 1);
+        self.plant.receive(glance()).unwrap()
+    }
+
     /// One sample's way around the loop.
     pub fn exchange(&mut self) {
         let sequence = self.next;

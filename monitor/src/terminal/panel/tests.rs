@@ -169,6 +169,8 @@ fn a_roomy_screen_shows_all_the_rest() {
         role: 1,
         process: 4242,
         since_ns: 1,
+        id: 5,
+        precedence: 0,
         host: text("robot-cell"),
     }));
     for (width, height) in [(80, 24), (120, 40), (200, 60)] {
