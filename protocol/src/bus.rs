@@ -4,7 +4,7 @@
 //! asks. It knows nothing of control: which topics a role may write is decided in [`crate::port`],
 //! and what is acceptable in [`crate::gate`].
 
-use std::{any::Any, fmt, time::Instant};
+use std::{any::Any, collections::BTreeMap, fmt, time::Instant};
 
 use mtj_model::scenario::Wait;
 
@@ -31,6 +31,20 @@ pub trait Bus {
 pub trait Attendance {
     /// All who have announced themselves and live, as far as the bus knows. May take a fraction of a millisecond.
     fn present(&mut self) -> Result<Vec<Member>, BusError>;
+}
+
+/// A bus that many sessions share.
+pub trait Shared: Bus + Sized {
+    /// The same bus, for another session.
+    fn within(&self, session: &str) -> Result<Self, BusError>;
+    /// Watches who has announced himself in any session.
+    fn sessions(&self) -> Result<Box<dyn Sessions>, BusError>;
+}
+
+/// The sessions of a bus.
+pub trait Sessions {
+    /// All in which somebody takes part, by name, as far as the bus knows.
+    fn present(&mut self) -> Result<BTreeMap<String, Vec<Member>>, BusError>;
 }
 
 /// How much a reader keeps for its owner.

@@ -8,6 +8,7 @@
 use std::{
     any::Any,
     cell::RefCell,
+    collections::BTreeMap,
     fmt::Debug,
     os::fd::BorrowedFd,
     thread,
@@ -29,7 +30,7 @@ use nix::poll::{PollFd, PollFlags, ppoll};
 use crate::{
     bus::{
         self, Attendance, Bus, BusError, Depth, Offering, RECENT_DEPTH, Reader, STREAM_DEPTH,
-        Writer,
+        Sessions, Shared, Writer,
     },
     member::Member,
     sample::Sample,
@@ -219,27 +220,58 @@ impl Bus for Iceoryx2Bus {
     }
 }
 
+impl Shared for Iceoryx2Bus {
+    fn within(&self, session: &str) -> Result<Self, BusError> {
+        Self::open(session)
+    }
+
+    fn sessions(&self) -> Result<Box<dyn Sessions>, BusError> {
+        let config = Box::new(self.node.config().clone());
+        Ok(Box::new(Nodes { config, prefix: "mtj/".to_owned() }))
+    }
+}
+
 /// The nodes whose names begin with `prefix`.
 struct Nodes {
     config: Box<Config>,
     prefix: String,
 }
 
-impl Attendance for Nodes {
-    fn present(&mut self) -> Result<Vec<Member>, BusError> {
-        let mut members = Vec::new();
+impl Nodes {
+    /// Shows what follows the prefix in the name of each that lives.
+    fn each(&self, mut show: impl FnMut(&str)) -> Result<(), BusError> {
         Node::<ipc::Service>::list(&self.config, |node| {
             if let NodeState::Alive(node) = node
                 && let Some(details) = node.details()
-                && let Some(Ok(member)) =
-                    details.name().as_str().strip_prefix(&self.prefix).map(str::parse)
+                && let Some(name) = details.name().as_str().strip_prefix(&self.prefix)
             {
-                members.push(member);
+                show(name);
             }
             CallbackProgression::Continue
         })
-        .map_err(failure("the nodes could not be listed"))?;
+        .map_err(failure("the nodes could not be listed"))
+    }
+}
+
+impl Attendance for Nodes {
+    fn present(&mut self) -> Result<Vec<Member>, BusError> {
+        let mut members = Vec::new();
+        self.each(|name| members.extend(name.parse::<Member>()))?;
         Ok(members)
+    }
+}
+
+impl Sessions for Nodes {
+    fn present(&mut self) -> Result<BTreeMap<String, Vec<Member>>, BusError> {
+        let mut sessions = BTreeMap::<String, Vec<Member>>::new();
+        self.each(|name| {
+            if let Some((session, member)) = name.split_once('/')
+                && let Ok(member) = member.parse()
+            {
+                sessions.entry(session.to_owned()).or_default().push(member);
+            }
+        })?;
+        Ok(sessions)
     }
 }
 

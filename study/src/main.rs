@@ -8,6 +8,7 @@ use mtj_monitor::options::MonitorOptions;
 use mtj_plant::options::PlantOptions;
 use mtj_study::command::{
     Failure,
+    bridge::BridgeCommand,
     export::Export,
     knob::{Kick, Pause, Reset, Resume, Set},
     paper::Paper,
@@ -34,6 +35,7 @@ enum Command {
     Plant(PlantOptions),
     Controller(ControllerOptions),
     Monitor(MonitorOptions),
+    Bridge(BridgeCommand),
     Export(Export),
     Replay(Replay),
     Paper(Paper),
@@ -70,6 +72,7 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Plant(plant) => Ok(plant.run()?),
         Command::Controller(controller) => Ok(controller.run()?),
         Command::Monitor(monitor) => Ok(monitor.run()?),
+        Command::Bridge(bridge) => bridge.run(),
         Command::Export(export) => export.run(),
         Command::Replay(replay) => replay.run(),
         Command::Paper(paper) => paper.run(),

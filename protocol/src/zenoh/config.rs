@@ -26,6 +26,7 @@ pub(super) fn configure(settings: &BusSettings, role: Role) -> Result<Config, Bu
     };
     let mut set = |key: &str, value: String| config.insert_json5(key, &value).map_err(refuse);
     let ours = settings.config.is_none();
+    let listens = listens(settings, role);
     if ours || settings.scouting.is_some() {
         let scouting = settings.scouting.unwrap_or(false);
         set("scouting/multicast/enabled", scouting.to_string())?;
@@ -33,25 +34,29 @@ pub(super) fn configure(settings: &BusSettings, role: Role) -> Result<Config, Bu
     if ours {
         // Nobody needs to know of anybody but the plant, and nobody listens but where told.
         set("scouting/gossip/enabled", "false".to_owned())?;
-        set("mode", if role == Role::Plant { "\"peer\"" } else { "\"client\"" }.to_owned())?;
+        set("mode", if listens { "\"peer\"" } else { "\"client\"" }.to_owned())?;
         set("listen/endpoints", "[]".to_owned())?;
         set("transport/link/tx/queue/size/real_time", QUEUE.to_string())?;
     }
-    match role {
-        Role::Plant if ours || settings.listen.is_some() => {
+    match listens {
+        true if ours || settings.listen.is_some() => {
             set("listen/endpoints", list(&settings.listen_endpoints()))?;
-            if settings.listen.is_some()
-                && let Some(connect) = &settings.connect
-            {
+            if let Some(connect) = &settings.connect {
                 set("connect/endpoints", list(connect))?;
             }
         }
-        _ if ours || settings.connect.is_some() || settings.listen.is_some() => {
+        false if ours || settings.connect.is_some() || settings.listen.is_some() => {
             set("connect/endpoints", list(&settings.connect_endpoints()))?;
         }
         _ => {}
     }
     Ok(config)
+}
+
+/// Whether a role waits for others to connect: a plant does, unless it is told of a router to connect to
+/// and of nowhere to listen.
+pub(super) fn listens(settings: &BusSettings, role: Role) -> bool {
+    role == Role::Plant && (settings.listen.is_some() || settings.connect.is_none())
 }
 
 fn list(endpoints: &[String]) -> String {

@@ -1,7 +1,7 @@
 //! The bus over Zenoh: between machines, or processes that should not share memory.
 //!
-//! The plant is a Zenoh peer that listens; controllers and monitors are clients that connect to it,
-//! directly or through a router, so that all traffic of a session passes through explicit addresses.
+//! The plant is a Zenoh peer that listens; controllers and monitors are clients that connect to it, or
+//! all connect to a router, so that all traffic of a session passes through explicit addresses.
 //! Samples travel express (no batching), with real-time priority, and are dropped rather than queued
 //! when the network is congested: a late sample is worth less than the next one.
 
@@ -9,6 +9,7 @@ mod config;
 
 use std::{
     any::Any,
+    collections::BTreeMap,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     thread,
     time::{Duration, Instant},
@@ -23,7 +24,7 @@ use zenoh::{
 };
 
 use crate::{
-    bus::{Attendance, Bus, BusError, Depth, Offering, Reader, Writer},
+    bus::{Attendance, Bus, BusError, Depth, Offering, Reader, Sessions, Shared, Writer},
     codec::{self, LARGEST_SAMPLE},
     mailbox::{Mailbox, MailboxReader},
     member::{Member, Role},
@@ -42,8 +43,8 @@ pub struct ZenohBus {
 }
 
 impl ZenohBus {
-    /// Opens a Zenoh session; a role other than the plant tries until somebody answers, as long as
-    /// `proceed` says so.
+    /// Opens a Zenoh session; who does not listen tries until somebody answers, as long as `proceed`
+    /// says so.
     pub fn open(
         settings: &BusSettings,
         role: Role,
@@ -56,7 +57,7 @@ impl ZenohBus {
             }
             match zenoh::open(config.clone()).wait() {
                 Ok(session) => break session,
-                Err(error) if role == Role::Plant => {
+                Err(error) if config::listens(settings, role) => {
                     return Err(BusError::Settings(format!(
                         "bus.listen = {} cannot be listened on, perhaps because the port is in use ({}); \
                          choose another with --listen",
@@ -170,6 +171,53 @@ impl Bus for ZenohBus {
             .wait()
             .map_err(failure)?;
         Ok(Box::new(ZenohAttendance { members, _keep: subscriber }))
+    }
+}
+
+impl Shared for ZenohBus {
+    fn within(&self, session: &str) -> Result<Self, BusError> {
+        Ok(Self { session: self.session.clone(), prefix: format!("mtj/{session}") })
+    }
+
+    fn sessions(&self) -> Result<Box<dyn Sessions>, BusError> {
+        let announced = Arc::new(Mutex::new(Vec::new()));
+        let heard = Arc::clone(&announced);
+        let subscriber = self
+            .session
+            .liveliness()
+            .declare_subscriber("mtj/*/member/**")
+            .history(true)
+            .callback(move |sample| {
+                let key = sample.key_expr().as_str().strip_prefix("mtj/");
+                let Some((session, member)) = key.and_then(|key| key.split_once("/member/")) else {
+                    return;
+                };
+                let Ok(member) = member.parse::<Member>() else { return };
+                let announcement = (session.to_owned(), member);
+                let mut announced = lock(&heard);
+                announced.retain(|known| *known != announcement);
+                if sample.kind() == SampleKind::Put {
+                    announced.push(announcement);
+                }
+            })
+            .wait()
+            .map_err(failure)?;
+        Ok(Box::new(ZenohSessions { announced, _keep: subscriber }))
+    }
+}
+
+struct ZenohSessions<K> {
+    announced: Arc<Mutex<Vec<(String, Member)>>>,
+    _keep: K,
+}
+
+impl<K> Sessions for ZenohSessions<K> {
+    fn present(&mut self) -> Result<BTreeMap<String, Vec<Member>>, BusError> {
+        let mut sessions = BTreeMap::<String, Vec<Member>>::new();
+        for (session, member) in lock(&self.announced).iter() {
+            sessions.entry(session.clone()).or_default().push(*member);
+        }
+        Ok(sessions)
     }
 }
 
