@@ -93,7 +93,8 @@ impl BusSettings {
         let kinds =
             [("local", BusKind::Local), ("iceoryx2", BusKind::Iceoryx2), ("zenoh", BusKind::Zenoh)];
         settings.kind = section.choice("kind", &kinds, Some(settings.kind))?;
-        let expected = "a name of letters, digits, '-' and '_', at most 64";
+        let expected =
+            "a name of letters, digits, '-' and '_', at most 64 (only a monitor takes '*')";
         let session = section.optional("session", expected, |value| {
             let name = value.as_str()?;
             let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
