@@ -180,8 +180,9 @@ fn a_report_has_exactly_the_documented_keys() {
         let report = Session::on(bus).report(arguments);
         assert_eq!(
             keys(&report),
-            "bus clock commands deadline_misses diverged duration_s energy_j law peak_error_m \
-             peak_torque_nm residence_us rms_error_m round_trip_us samples scenario torque_step_rms_nm"
+            "bus clock commands deadline_misses diverged duration_s energy_j law longest_gap_us \
+             peak_error_m peak_torque_nm residence_us rms_error_m round_trip_us samples scenario \
+             takeovers timeouts torque_step_rms_nm"
         );
         assert_eq!(keys(&report["commands"]), "applied late lost rejected sent");
         assert_eq!(report["peak_torque_nm"].as_array().unwrap().len(), 2);

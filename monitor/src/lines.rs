@@ -88,6 +88,11 @@ impl<W: Write> Lines<W> {
                 "  misses {}  late {}  lost {}  rejected {}",
                 status.deadline_misses, status.late, status.lost, status.rejected
             );
+            for (name, count) in [("timeouts", status.timeouts), ("takeovers", status.takeovers)] {
+                if count > 0 {
+                    line += &format!("  {name} {count}");
+                }
+            }
         }
         if *missed > 0 {
             line += &format!("  (this monitor missed {missed} samples)");

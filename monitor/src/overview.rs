@@ -1,13 +1,14 @@
 //! What is known of a session by now: what every display shows.
 
 use std::{
-    collections::VecDeque,
+    collections::{BTreeMap, VecDeque},
     sync::Arc,
     time::{Duration, Instant},
 };
 
 use mtj_model::scenario::LawKind;
 use mtj_protocol::{
+    member::Role,
     port::{Message, Offered},
     sample::{
         ChangeSample, ErrorSample, Header, PresenceSample, StateSample, StatusSample, TorqueSample,
@@ -51,11 +52,13 @@ pub struct Overview {
     pub missed: u64,
     plant: Party,
     controller: Party,
+    /// All controllers, by number: who each said it is, and when it was heard last.
+    bench: BTreeMap<u64, (PresenceSample, Instant)>,
     run: Option<u64>,
     past: VecDeque<u64>,
 }
 
-/// A plant or a controller, as far as it was heard.
+/// A plant or the controller in charge, as far as it was heard.
 #[derive(Clone, Copy, Default)]
 pub struct Party {
     /// When it was first heard since it was last silent.
@@ -139,6 +142,7 @@ impl Overview {
                 self.begin(state.header.run);
                 self.plant.hear(patience);
                 self.hear_state(state);
+                self.name_controller();
             }
             Message::Torque(torque) => {
                 self.controller.hear(patience);
@@ -160,10 +164,18 @@ impl Overview {
                 }
                 self.changes.push_back(*change);
             }
+            Message::Presence(presence) if presence.role == Role::Plant as u64 => {
+                self.plant.hear(ABSENT);
+                self.plant.presence = Some(*presence);
+            }
             Message::Presence(presence) => {
-                let party = if presence.role == 0 { &mut self.plant } else { &mut self.controller };
-                party.hear(ABSENT);
-                party.presence = Some(*presence);
+                let now = Instant::now();
+                self.bench.retain(|_, (_, heard)| now.duration_since(*heard) < ABSENT);
+                self.bench.insert(presence.id, (*presence, now));
+                if self.leader().is_none_or(|leader| leader == presence.id) {
+                    self.controller.hear(ABSENT);
+                }
+                self.name_controller();
             }
             Message::Request(_) => {}
         }
@@ -178,7 +190,17 @@ impl Overview {
         past.extend(self.run);
         past.drain(..past.len().saturating_sub(RUNS));
         let (plant, controller) = (self.plant, self.controller);
-        *self = Self { plant, controller, past, run: Some(run), ..Self::default() };
+        let bench = std::mem::take(&mut self.bench);
+        *self = Self { plant, controller, bench, past, run: Some(run), ..Self::default() };
+    }
+
+    /// The controller is the one that the plant has put in charge; before that, any.
+    fn name_controller(&mut self) {
+        let leader = match self.leader() {
+            Some(leader) => self.bench.get(&leader),
+            None => self.bench.values().next(),
+        };
+        self.controller.presence = leader.map(|(presence, _)| *presence);
     }
 
     /// Whether a message belongs to a run that is over: its last samples may come after the first ones
@@ -240,6 +262,20 @@ impl Overview {
     /// The controller.
     pub fn controller(&self) -> &Party {
         &self.controller
+    }
+
+    /// The number of the controller that is in charge.
+    pub fn leader(&self) -> Option<u64> {
+        self.state.map(|state| state.leader).filter(|leader| *leader != 0)
+    }
+
+    /// How many other controllers stand by for it.
+    pub fn standing_by(&self) -> usize {
+        let others = self
+            .bench
+            .iter()
+            .filter(|(id, (_, heard))| Some(**id) != self.leader() && heard.elapsed() < ABSENT);
+        if self.leader().is_some() { others.count() } else { 0 }
     }
 
     /// What should not go unnoticed now, the most important one.

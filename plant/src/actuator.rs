@@ -68,7 +68,11 @@ impl Actuator {
         self.integrate(time_ns);
         self.newest = Some(command.header.sequence);
         self.latency_ns = time_ns.saturating_sub(command.header.time_ns);
-        self.drive = Drive::Torque(command.torque.map(|torque| torque * scale));
+        // What was rounded up is not over the limit either.
+        let within = |joint: usize| {
+            (command.torque[joint] * scale).clamp(-self.limit[joint], self.limit[joint])
+        };
+        self.drive = Drive::Torque(std::array::from_fn(within));
         self.force = command.force.map(|force| force * scale);
         self.commands += 1;
         self.has_timed_out = false;

@@ -33,6 +33,9 @@ pub struct Ledger {
     pub deadline_misses: u64,
     /// How often commands stayed away for longer than the command timeout.
     pub timeouts: u64,
+    /// The longest time without a fresh command, ns of the run.
+    pub longest_gap_ns: u64,
+    applied_ns: u64,
     /// State sent to torque received, of the torque received last, ns.
     pub round_trip_ns: u64,
     /// The part of it spent inside the controller.
@@ -54,6 +57,8 @@ impl Ledger {
             commands: Commands::default(),
             deadline_misses: 0,
             timeouts: 0,
+            longest_gap_ns: 0,
+            applied_ns: 0,
             round_trip_ns: 0,
             residence_ns: 0,
             stopwatch: Clock::start(),
@@ -69,6 +74,17 @@ impl Ledger {
         self.residence_ns = answer.residence_ns;
         self.round_trips.record(self.round_trip_ns);
         self.residences.record(self.residence_ns);
+    }
+
+    /// A command came into effect.
+    pub fn apply(&mut self, time_ns: u64) {
+        self.commands.applied += 1;
+        self.note_gap(time_ns);
+    }
+
+    fn note_gap(&mut self, time_ns: u64) {
+        self.longest_gap_ns = self.longest_gap_ns.max(time_ns.saturating_sub(self.applied_ns));
+        self.applied_ns = time_ns;
     }
 
     /// In real time: a state was sent that asks for an answer.
@@ -93,8 +109,10 @@ impl Ledger {
         }
     }
 
-    /// At the end: what was asked for more than a sample period ago and has not come, will not come.
-    pub fn settle(&mut self, sample_period: Duration) {
+    /// At the end, `time_ns`: what was asked for more than a sample period ago and has not come, will
+    /// not come.
+    pub fn settle(&mut self, time_ns: u64, sample_period: Duration) {
+        self.note_gap(time_ns);
         let now = u128::from(self.stopwatch.now_ns());
         let is_lost = |sent_ns: u64| now > u128::from(sent_ns) + sample_period.as_nanos();
         let lost = self.unanswered.iter().filter(|(_, sent_ns)| is_lost(*sent_ns)).count();

@@ -163,7 +163,7 @@ impl<'a> Plant<'a> {
                 self.handle(time_ns, event)?;
             }
         }
-        self.ledger.settle(self.scenario.timing.sample_period);
+        self.ledger.settle(self.simulator.time_ns(), self.scenario.timing.sample_period);
         self.report_status(2)
     }
 
@@ -375,7 +375,7 @@ impl<'a> Plant<'a> {
             self.ledger.commands.lost += 1;
             return;
         }
-        self.ledger.commands.applied += 1;
+        self.ledger.apply(time_ns);
         self.measures.command(&self.actuator.torque(&self.simulator.velocity()));
         if let Some(timeout) = self.scenario.safety.command_timeout {
             let event = Event::Timeout(self.actuator.commands());
@@ -423,6 +423,7 @@ impl<'a> Plant<'a> {
             self.simulator.energy(),
             self.diverged,
             &self.ledger,
+            self.exchange.takeovers(),
         );
         Outcome {
             report,

@@ -43,6 +43,12 @@ pub struct Report {
     pub commands: Commands,
     /// Sampling instants reached only after the next was due; null in lockstep.
     pub deadline_misses: Option<u64>,
+    /// How often commands stayed away for longer than the command timeout.
+    pub timeouts: u64,
+    /// How often another controller took charge.
+    pub takeovers: u64,
+    /// The longest time without a fresh command; null in lockstep.
+    pub longest_gap_us: Option<f64>,
     /// State sent to torque received, by the plant's clock; null where no bus is crossed.
     pub round_trip_us: Option<Percentiles>,
     /// The part spent inside the controller, by the controller's clock.
@@ -117,6 +123,7 @@ impl Measures {
         energy: f64,
         diverged: bool,
         ledger: &Ledger,
+        takeovers: u64,
     ) -> Report {
         let is_realtime = scenario.timing.clock == ClockKind::Realtime;
         let finite = |x: f64| x.is_finite().then_some(x);
@@ -139,6 +146,9 @@ impl Measures {
             diverged,
             commands: ledger.commands,
             deadline_misses: is_realtime.then_some(ledger.deadline_misses),
+            timeouts: ledger.timeouts,
+            takeovers,
+            longest_gap_us: is_realtime.then_some(ledger.longest_gap_ns as f64 * 1e-3),
             round_trip_us: ledger.round_trips.percentiles(),
             residence_us: ledger.residences.percentiles(),
         }

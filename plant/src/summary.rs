@@ -34,6 +34,16 @@ impl fmt::Display for Report {
         if let Some(misses) = self.deadline_misses {
             writeln!(f, "  deadline misses {misses}")?;
         }
+        if self.timeouts > 0 || self.takeovers > 0 {
+            let gap = self.longest_gap_us.map_or(String::new(), |gap| {
+                format!("; at most {:.1} ms without a fresh command", gap * 1e-3)
+            });
+            writeln!(
+                f,
+                "  charge          {} takeovers, {} timeouts{gap}",
+                self.takeovers, self.timeouts
+            )?;
+        }
         let times = [("round trip", &self.round_trip_us), ("residence", &self.residence_us)];
         for (name, percentiles) in times {
             if let Some(Percentiles { p50, p90, p99, p999, max }) = percentiles {

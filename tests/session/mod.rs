@@ -3,6 +3,8 @@
 #![allow(dead_code, reason = "each test file takes what it needs")]
 #![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
 
+pub mod observer;
+
 use std::{
     collections::BTreeSet,
     fs::{self, File},
@@ -15,6 +17,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use mtj_model::scenario::BusSettings;
 use nix::{
     sys::signal::{Signal, kill},
     unistd::Pid,
@@ -45,6 +48,22 @@ impl Session {
             arguments.extend(["--bus".to_owned(), bus.to_owned()]);
         }
         Self { name, directory, bus: arguments, started: AtomicU64::new(0) }
+    }
+
+    /// Where the session's bus is, for a test that joins it.
+    pub fn settings(&self) -> BusSettings {
+        let mut table = toml::Table::new();
+        for pair in self.bus.chunks(2) {
+            let key = match pair[0].trim_start_matches("--") {
+                "bus" => "kind",
+                key => key,
+            };
+            table.insert(key.to_owned(), pair[1].as_str().into());
+        }
+        if table.contains_key("listen") {
+            table.insert("kind".to_owned(), "zenoh".into());
+        }
+        BusSettings::from_table("here", table).unwrap()
     }
 
     /// Starts `mtj` with some arguments, split at blanks, on this session's bus.
@@ -133,6 +152,14 @@ impl Running {
 
     pub fn has_ended(&mut self) -> bool {
         self.child.try_wait().unwrap().is_some()
+    }
+
+    /// Whether it was the process `pid`, and has ended.
+    pub fn has_ended_as(&mut self, pid: u32) -> bool {
+        self.id() == pid && {
+            self.wait();
+            true
+        }
     }
 
     /// Waits for its end, for a bounded time.

@@ -247,6 +247,7 @@ pub fn now(board: &Board, dashboards: usize, with_histogram: bool) -> String {
             "rejected": status.rejected,
             "misses": status.deadline_misses,
             "timeouts": status.timeouts,
+            "takeovers": status.takeovers,
             "missed_here": overview.missed,
             "late_here": board.late(),
         })),
@@ -257,6 +258,7 @@ pub fn now(board: &Board, dashboards: usize, with_histogram: bool) -> String {
             role("plant", overview.plant(), matches!(alarm, Some(Alarm::PlantSilent(_)))),
             role("controller", overview.controller(), matches!(alarm, Some(Alarm::ControllerSilent(_)))),
         ],
+        "standing_by": overview.standing_by(),
         "dashboards": dashboards,
     });
     if with_histogram {

@@ -49,13 +49,15 @@ pub fn counts<'a>(picture: &Picture, width: u16) -> Vec<Line<'a>> {
         ("rejected", status.rejected),
         ("misses", status.deadline_misses),
         ("timeouts", status.timeouts),
+        ("takeovers", status.takeovers),
     ];
     let piece = |(name, count): (&str, u64)| {
         let ink = if count > 0 { Ink::Bad } else { Ink::Well };
         vec![picture.ink(format!("{name} "), Ink::Faint), picture.ink(count.to_string(), ink)]
     };
-    // Nothing is said of timeouts where none is set and none happened.
-    let is_said = |(name, count): &(&str, u64)| *name != "timeouts" || *count > 0;
+    // Nothing is said of what most sessions have none of.
+    let is_said =
+        |(name, count): &(&str, u64)| !["timeouts", "takeovers"].contains(name) || *count > 0;
     flow(counts.into_iter().filter(is_said).map(piece).collect(), width)
 }
 
@@ -89,6 +91,10 @@ fn roles<'a>(picture: &Picture, width: u16, most: usize) -> Vec<Line<'a>> {
         if let Some(presence) = &party.presence {
             let host = text_of(&presence.host);
             pieces.push(vec![picture.ink(format!("{host} {}", presence.process), Ink::Faint)]);
+        }
+        let others = picture.live.standing_by();
+        if name == "controller" && others > 0 {
+            pieces.push(vec![picture.ink(format!("{others} standing by"), Ink::Faint)]);
         }
         lines.extend(flow(pieces, width).into_iter().take(most));
     }

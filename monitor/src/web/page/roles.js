@@ -40,6 +40,9 @@ export class Roles {
       if (role.role === "controller" && now.law) about.push(`law ${now.law}`);
       if (role.since_s != null && role.state === "connected") about.push(`for ${span(role.since_s)}`);
       if (role.host) about.push(`${role.host} · process ${role.process}`);
+      if (role.role === "controller" && now.standing_by) {
+        about.push(`${now.standing_by} more ${now.standing_by === 1 ? "stands" : "stand"} by`);
+      }
       if (role.heard_s != null) about.push(role.heard_s < 0.3 ? "heard just now" : `heard ${span(role.heard_s)} ago`);
       this.#show(role.role, role.state, about.join(" · ") || "not heard yet");
     }

@@ -1,0 +1,103 @@
+//! Controllers that die in mid-run, and others that stand by: the plant never goes without for long.
+
+#![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
+
+mod session;
+
+use std::{
+    sync::{Mutex, PoisonError},
+    thread,
+    time::Duration,
+};
+
+use nix::sys::signal::Signal;
+use serde_json::Value;
+use session::{Running, Session, observer::Observer, send};
+
+/// How often the leading controller is killed.
+const KILLS: u64 = 50;
+/// `safety.lease` and `timing.sample_period`, ms.
+const LEASE: f64 = 5.0;
+const SAMPLE_PERIOD: f64 = 2.0;
+
+/// One at a time: these loops run in real time.
+static MACHINE: Mutex<()> = Mutex::new(());
+
+fn plant(session: &Session, duration: u64) -> Running {
+    session.start(&format!(
+        "plant --json --scenario sampled/mtj --set duration={duration}s \
+         --set timing.sample_period={SAMPLE_PERIOD}ms --set safety.lease={LEASE}ms \
+         --set law.memory.policy=delivered"
+    ))
+}
+
+fn report_of(mut plant: Running) -> Value {
+    let status = plant.wait();
+    assert!(status.success(), "{status}: {}", plant.stderr());
+    serde_json::from_str(&plant.stdout()).unwrap()
+}
+
+/// Whether the machine gave the processes their time: what it withheld, no program can make good.
+fn kept_up(report: &Value) -> bool {
+    report["deadline_misses"] == 0
+}
+
+fn fails_over(bus: &str) {
+    let _alone = MACHINE.lock().unwrap_or_else(PoisonError::into_inner);
+    const ATTEMPTS: usize = 5;
+    for attempt in 1..=ATTEMPTS {
+        let undisturbed = run_undisturbed(bus);
+        let report = run_with_kills(bus);
+        let of = |report: &Value, name: &str| report[name].as_f64().unwrap();
+        let gap = of(&report, "longest_gap_us") / 1e3;
+        let (rms, reference) = (of(&report, "rms_error_m"), of(&undisturbed, "rms_error_m"));
+        println!(
+            "{bus}: gap {gap:.2} ms, rms {rms:.3e} m ({:.2} times the undisturbed), {report}",
+            rms / reference
+        );
+        assert_eq!((&report["diverged"], &report["timeouts"]), (&false.into(), &0.into()));
+        assert!(report["takeovers"].as_u64().unwrap() >= KILLS, "{report}");
+        if kept_up(&report) {
+            assert_eq!(report["takeovers"], KILLS, "{report}");
+            assert!(gap < LEASE + 2.0 * SAMPLE_PERIOD, "{gap} ms without a fresh torque: {report}");
+            assert!(rms <= 1.5 * reference, "{report}\n{undisturbed}");
+            return;
+        }
+        assert!(attempt < ATTEMPTS, "this machine never kept up with {SAMPLE_PERIOD} ms: {report}");
+    }
+}
+
+fn run_undisturbed(bus: &str) -> Value {
+    let session = Session::on(bus);
+    let _controllers = [session.start("controller"), session.start("controller")];
+    report_of(plant(&session, 10))
+}
+
+/// Kills the controller in charge again and again; another one takes its place on the bench.
+fn run_with_kills(bus: &str) -> Value {
+    let session = Session::on(bus);
+    let mut controllers = vec![session.start("controller"), session.start("controller")];
+    let running = plant(&session, 20);
+    let mut observer = Observer::join(&session);
+    let mut leader = 0;
+    for _ in 0..KILLS {
+        leader = observer.leader(leader, 1);
+        // A little later, at any point of a sample period.
+        thread::sleep(Duration::from_micros(50_000 + 177 * u64::from(leader % 16)));
+        send(leader, Signal::SIGKILL);
+        controllers.retain_mut(|controller| !controller.has_ended_as(leader));
+        controllers.push(session.start("controller"));
+    }
+    observer.leader(leader, 1);
+    report_of(running)
+}
+
+#[test]
+fn fifty_dead_leaders_over_iceoryx2_leave_no_gap_beyond_the_lease() {
+    fails_over("iceoryx2");
+}
+
+#[test]
+fn fifty_dead_leaders_over_zenoh_leave_no_gap_beyond_the_lease() {
+    fails_over("zenoh");
+}
