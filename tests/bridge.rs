@@ -77,15 +77,19 @@ fn messages(file: &Path) -> Vec<Message> {
     Recording::open(file).unwrap().map(|recorded| recorded.unwrap().message).collect()
 }
 
-/// The states of a recording by their sequence numbers, without those that were repeated.
-fn sequences(messages: &[Message]) -> Vec<u64> {
-    let states = messages.iter().filter_map(|message| match message {
-        Message::State(state) => Some(state.header.sequence),
-        _ => None,
-    });
-    let mut sequences: Vec<u64> = states.collect();
+/// The sequence numbers of some messages, without those that were repeated.
+fn sequences_of(messages: &[Message], of: fn(&Message) -> Option<u64>) -> Vec<u64> {
+    let mut sequences: Vec<u64> = messages.iter().filter_map(of).collect();
     sequences.dedup();
     sequences
+}
+
+/// Of the states.
+fn sequences(messages: &[Message]) -> Vec<u64> {
+    sequences_of(messages, |message| match message {
+        Message::State(state) => Some(state.header.sequence),
+        _ => None,
+    })
 }
 
 #[test]
@@ -112,8 +116,16 @@ fn a_recording_beyond_the_bridge_has_every_sample_of_a_kilohertz_loop() {
     assert_eq!(report["samples"], 5000);
     assert_eq!(sequences(&messages), (0..5000).collect::<Vec<_>>());
     let count = |kind: fn(&Message) -> bool| messages.iter().filter(|m| kind(m)).count();
-    let errors = count(|message| matches!(message, Message::Error(_)));
-    assert!(errors as u64 >= report["commands"]["applied"].as_u64().unwrap(), "{report}");
+    let torques = sequences_of(&messages, |message| match message {
+        Message::Torque(torque) => Some(torque.header.sequence),
+        _ => None,
+    });
+    let errors = sequences_of(&messages, |message| match message {
+        Message::Error(error) => Some(error.header.sequence),
+        _ => None,
+    });
+    assert_eq!(torques, errors, "an error for each answer");
+    assert!(torques.len() as u64 >= report["commands"]["applied"].as_u64().unwrap(), "{report}");
     assert_eq!(count(|message| matches!(message, Message::Scenario(_))), 1);
     assert!(count(|message| matches!(message, Message::Status(_))) > 0);
     for role in [0, 1] {

@@ -9,7 +9,7 @@ use std::{
 use mtj_protocol::{
     bus::{Bus, BusError},
     knob::Knob,
-    port::{Message, REPEAT, RequestPort},
+    port::{Message, REPEAT, RequestPort, UNANSWERED},
     sample::{ChangeSample, RequestSample},
 };
 
@@ -97,7 +97,7 @@ impl Audience for Desk {
         }
         while self.waiting.front().is_some_and(|waiting| now >= waiting.until) {
             if let Some(late) = self.waiting.pop_front() {
-                (late.reply)(Err("the plant does not answer".to_owned()));
+                (late.reply)(Err(UNANSWERED.to_owned()));
             }
         }
         for waiting in self.waiting.iter_mut().filter(|waiting| now >= waiting.again) {

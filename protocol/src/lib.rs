@@ -7,6 +7,7 @@
 //! transport the one that a scenario names            AnyBus: local, iceoryx2, zenoh, a file each
 //! bus       moving samples: one trait                Bus, Writer, Reader, Offering; Shared, for many sessions
 //! member    who takes part                           role, number, precedence
+//! certificate  what a certificate says of itself
 //! codec     samples as bytes                         bincode, fixed-width little-endian
 //! sample    the samples                              repr(C), no pointers, no padding
 //! ```
@@ -14,6 +15,7 @@
 //! Each layer knows only those below it.
 
 pub mod bus;
+pub mod certificate;
 pub mod codec;
 pub mod gate;
 #[cfg(feature = "iceoryx2")]

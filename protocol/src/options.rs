@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use mtj_model::scenario::{BusSettings, Override, ScenarioError, Wait};
+use toml::Value;
 
 use crate::{bus::BusError, member::Role, shutdown::Shutdown, transport::AnyBus};
 
@@ -28,14 +29,29 @@ pub struct BusOptions {
     /// Zenoh configuration file (JSON5) to start from
     #[arg(long, value_name = "FILE")]
     pub zenoh_config: Option<PathBuf>,
+    /// Zenoh over TLS or QUIC with the certificates in this directory ('mtj certs' makes them)
+    #[arg(long, value_name = "DIR")]
+    pub certs: Option<PathBuf>,
+    /// Whose certificate to show, if not the role's own: a monitor that is operator may turn knobs
+    #[arg(long, value_name = "NAME")]
+    pub identity: Option<String>,
+    /// Zenoh: listen beyond this machine without certificates; whoever gets there can move the arm
+    #[arg(long)]
+    pub insecure: bool,
 }
 
 impl BusOptions {
-    fn pairs(&self) -> Vec<(&'static str, String)> {
-        let named = |key, value: &Option<String>| value.clone().map(|value| (key, value));
-        let config = self.zenoh_config.as_ref().map(|path| ("config", path.display().to_string()));
-        // An address or a configuration says which transport is meant.
-        let zenoh = self.listen.is_some() || self.connect.is_some() || config.is_some();
+    /// What these options say, by keys of the scenario's `[bus]` table.
+    fn pairs(&self) -> Vec<(&'static str, Value)> {
+        let named = |key, value: &Option<String>| Some((key, Value::String(value.clone()?)));
+        let path = |key, value: &Option<PathBuf>| {
+            Some((key, Value::String(value.as_ref()?.display().to_string())))
+        };
+        // An address, a configuration or a certificate says which transport is meant.
+        let zenoh = self.listen.is_some()
+            || self.connect.is_some()
+            || self.zenoh_config.is_some()
+            || self.certs.is_some();
         let bus = self.bus.clone().or_else(|| zenoh.then(|| "zenoh".to_owned()));
         [
             named("kind", &bus),
@@ -43,7 +59,10 @@ impl BusOptions {
             named("wait", &self.wait),
             named("listen", &self.listen),
             named("connect", &self.connect),
-            config,
+            path("config", &self.zenoh_config),
+            path("certs", &self.certs),
+            named("identity", &self.identity),
+            self.insecure.then_some(("insecure", Value::Boolean(true))),
         ]
         .into_iter()
         .flatten()
@@ -54,7 +73,7 @@ impl BusOptions {
     pub fn overrides(&self) -> Vec<Override> {
         self.pairs()
             .into_iter()
-            .map(|(key, value)| Override::text(&format!("bus.{key}"), &value))
+            .map(|(key, value)| Override::value(&format!("bus.{key}"), value))
             .collect()
     }
 
@@ -63,23 +82,25 @@ impl BusOptions {
         let mut table = toml::Table::new();
         table.insert("kind".to_owned(), "iceoryx2".into());
         for (key, value) in self.pairs() {
-            table.insert(key.to_owned(), value.into());
+            table.insert(key.to_owned(), value);
         }
         BusSettings::from_table("command line", table)
     }
 
     /// The same options as arguments for another process.
     pub fn arguments(&self) -> Vec<String> {
-        let flag = |key: &str| {
-            if key == "kind" {
-                "--bus".to_owned()
-            } else if key == "config" {
-                "--zenoh-config".to_owned()
-            } else {
-                format!("--{key}")
-            }
+        let flag = |key: &str| match key {
+            "kind" => "--bus".to_owned(),
+            "config" => "--zenoh-config".to_owned(),
+            _ => format!("--{key}"),
         };
-        self.pairs().into_iter().flat_map(|(key, value)| [flag(key), value]).collect()
+        let mut arguments = Vec::new();
+        for (key, value) in self.pairs() {
+            arguments.push(flag(key));
+            // What is no text is a switch that is on.
+            arguments.extend(value.as_str().map(str::to_owned));
+        }
+        arguments
     }
 }
 

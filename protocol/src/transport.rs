@@ -61,6 +61,19 @@ impl AnyBus {
             }
         }
     }
+
+    /// Joins the bus in the place of a plant that is elsewhere: a writer then rather waits a moment than
+    /// loses a sample, for no loop waits for it.
+    pub fn stand_in(
+        settings: &BusSettings,
+        proceed: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, BusError> {
+        match settings.kind {
+            #[cfg(feature = "zenoh")]
+            BusKind::Zenoh => Ok(ZenohBus::stand_in(settings, proceed)?.map(Self::Zenoh)),
+            _ => Self::open(settings, Role::Plant, proceed),
+        }
+    }
 }
 
 macro_rules! on_any {

@@ -11,7 +11,7 @@ use std::{
 use mtj_model::scenario::{BusKind, Scenario};
 use mtj_monitor::options::LISTENING;
 use mtj_plant::{options::ScenarioOptions, report::Report};
-use mtj_protocol::shutdown::Shutdown;
+use mtj_protocol::{member::Role, shutdown::Shutdown};
 use tokio::{
     io::{AsyncBufReadExt, AsyncReadExt, BufReader},
     process::{Child, ChildStderr, ChildStdin, Command},
@@ -100,21 +100,22 @@ impl Launch {
             || scenario.bus.config.is_some();
         if scenario.bus.kind == BusKind::Zenoh && !addressed {
             let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
-            bus.listen = Some(format!("tcp/127.0.0.1:{port}"));
+            let protocol = if scenario.bus.certs.is_some() { "tls" } else { "tcp" };
+            bus.listen = Some(format!("{protocol}/127.0.0.1:{port}"));
         }
         Ok(self)
     }
 
     /// Starts the roles, waits for the plant to end, ends the others, and returns the plant's report.
     pub async fn run(&self, scenario: &Scenario) -> Result<Report, LaunchError> {
-        let others = self.other_arguments(scenario);
         let mut plant = self.spawn("plant", &self.plant_arguments(), Stdio::piped())?;
         let mut monitor = match &self.monitor {
-            Some(show) => Some(self.spawn_monitor(show, &others, &mut plant).await?),
+            Some(show) => Some(self.spawn_monitor(show, scenario, &mut plant).await?),
             None => None,
         };
         // Last, because the run begins with it: a recorder is to hear the first sample.
-        let mut controller = self.spawn("controller", &others, Stdio::null())?;
+        let arguments = self.other_arguments(scenario, None);
+        let mut controller = self.spawn("controller", &arguments, Stdio::null())?;
         let mut output = String::new();
         let mut results = plant.process.stdout.take().ok_or(LaunchError::NoReport)?;
         // Read by one future from first to last: one that is dropped loses what it has read.
@@ -148,7 +149,9 @@ impl Launch {
     }
 
     fn plant_arguments(&self) -> Vec<String> {
-        let mut arguments = self.options.arguments();
+        let mut options = self.options.clone();
+        options.bus.identity = None; // Is meant for the monitor; a plant is itself.
+        let mut arguments = options.arguments();
         arguments.push("--json".to_owned());
         if let Some(trace) = &self.trace {
             arguments.extend(["--trace".to_owned(), trace.display().to_string()]);
@@ -157,8 +160,11 @@ impl Launch {
     }
 
     /// The others need only the bus; they fetch the scenario from the plant.
-    fn other_arguments(&self, scenario: &Scenario) -> Vec<String> {
+    fn other_arguments(&self, scenario: &Scenario, identity: Option<&str>) -> Vec<String> {
         let mut bus = self.options.bus.clone();
+        bus.insecure = false; // They do not listen.
+        bus.identity = identity.map(str::to_owned);
+        bus.certs = scenario.bus.certs.clone();
         bus.bus = Some(scenario.bus.kind.name().to_owned());
         bus.session = bus.session.or_else(|| Some(scenario.bus.session.clone()));
         if let Some(config) = &scenario.bus.config {
@@ -182,10 +188,13 @@ impl Launch {
     async fn spawn_monitor(
         &self,
         show: &Show,
-        others: &[String],
+        scenario: &Scenario,
         plant: &mut RoleProcess,
     ) -> io::Result<RoleProcess> {
-        let arguments = [others, &show.arguments].concat();
+        // Who starts a loop may turn its knobs.
+        let own = scenario.bus.certs.is_some().then_some(Role::Operator.name());
+        let identity = self.options.bus.identity.as_deref().or(own);
+        let arguments = [self.other_arguments(scenario, identity), show.arguments.clone()].concat();
         let mut command = role_command("monitor", &arguments, Stdio::inherit())?;
         command.stderr(Stdio::piped());
         let mut process = Command::from(command).kill_on_drop(true).spawn()?;
@@ -205,7 +214,7 @@ impl Launch {
 
     /// The command that starts a controller for this launch.
     pub fn controller_command(&self, scenario: &Scenario) -> io::Result<std::process::Command> {
-        role_command("controller", &self.other_arguments(scenario), Stdio::null())
+        role_command("controller", &self.other_arguments(scenario, None), Stdio::null())
     }
 }
 

@@ -9,6 +9,7 @@ use mtj_plant::options::PlantOptions;
 use mtj_study::command::{
     Failure,
     bridge::BridgeCommand,
+    certs::Certs,
     export::Export,
     knob::{Kick, Pause, Reset, Resume, Set},
     paper::Paper,
@@ -47,6 +48,7 @@ enum Command {
     Resume(Resume),
     Reset(Reset),
     Kick(Kick),
+    Certs(Certs),
 }
 
 fn main() -> ExitCode {
@@ -84,5 +86,6 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Resume(resume) => resume.run(),
         Command::Reset(reset) => reset.run(),
         Command::Kick(kick) => kick.run(),
+        Command::Certs(certs) => certs.run(),
     }
 }

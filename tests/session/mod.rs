@@ -68,17 +68,29 @@ impl Session {
 
     /// Starts `mtj` with some arguments, split at blanks, on this session's bus.
     pub fn start(&self, arguments: &str) -> Running {
+        self.start_behind_on_bus(&[], arguments)
+    }
+
+    /// The same behind a command that makes way for `mtj`, like `env`.
+    pub fn start_behind_on_bus(&self, prefix: &[&str], arguments: &str) -> Running {
         let bus: Vec<&str> = self.bus.iter().map(String::as_str).collect();
-        self.start_exactly(&[&arguments.split(' ').collect::<Vec<_>>()[..], &bus].concat())
+        let arguments = [&arguments.split(' ').collect::<Vec<_>>()[..], &bus].concat();
+        self.start_behind(prefix, &arguments)
     }
 
     /// Starts `mtj` with exactly these arguments, in a process group of its own.
     pub fn start_exactly(&self, arguments: &[&str]) -> Running {
+        self.start_behind(&[], arguments)
+    }
+
+    /// The same behind a command that makes way for `mtj`, like `env`.
+    pub fn start_behind(&self, prefix: &[&str], arguments: &[&str]) -> Running {
         let number = self.started.fetch_add(1, Ordering::Relaxed);
         let file = |stream| self.directory.join(format!("{number}.{stream}"));
         let (out, err) = (file("out"), file("err"));
-        let child = Command::new(env!("CARGO_BIN_EXE_mtj"))
-            .args(arguments)
+        let words = [prefix, &[env!("CARGO_BIN_EXE_mtj")], arguments].concat();
+        let child = Command::new(words[0])
+            .args(&words[1..])
             .current_dir(&self.directory)
             .env_remove("RUST_BACKTRACE")
             .stdin(Stdio::null())

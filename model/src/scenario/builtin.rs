@@ -25,6 +25,7 @@ built_in_scenarios! {
     "sampled/mtj",
     "sampled/mb",
     "redundant/mtj",
+    "remote/mtj",
 }
 
 /// The text of a built-in scenario.

@@ -21,6 +21,12 @@ pub struct BusSettings {
     pub scouting: Option<bool>,
     /// Zenoh: a configuration file to start from.
     pub config: Option<PathBuf>,
+    /// Zenoh: a directory with the authority's certificate and the role's own: mutual TLS.
+    pub certs: Option<PathBuf>,
+    /// Zenoh: whose certificate it is, if not the role's own.
+    pub identity: Option<String>,
+    /// Zenoh: whether to listen beyond this machine to anybody.
+    pub insecure: bool,
 }
 
 /// The transports.
@@ -57,8 +63,18 @@ pub enum Wait {
 /// Where a plant listens when nobody says otherwise.
 pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
 
+/// Where it listens then if it has certificates.
+const DEFAULT_TLS_ENDPOINT: &str = "tls/127.0.0.1:7447";
+
 /// The transports an endpoint may name.
 const PROTOCOLS: [&str; 5] = ["tcp", "udp", "tls", "quic", "unixsock-stream"];
+/// Those of them that need certificates, and are the only ones when there are.
+const CERTIFIED: [&str; 2] = ["tls", "quic"];
+/// What sessions may be called.
+const SESSION: &str =
+    "a name of letters, digits, '-' and '_', at most 64 (only a monitor takes '*')";
+/// What identities may be called.
+const NAME: &str = "a name of letters, digits, '-' and '_', at most 64";
 
 impl BusSettings {
     /// Reads a table with the keys of `[bus]`, as a role without a scenario does.
@@ -71,7 +87,8 @@ impl BusSettings {
 
     /// Where the plant listens: on loopback unless told otherwise.
     pub fn listen_endpoints(&self) -> Vec<String> {
-        self.listen.clone().unwrap_or_else(|| vec![DEFAULT_ENDPOINT.to_owned()])
+        let default = if self.certs.is_some() { DEFAULT_TLS_ENDPOINT } else { DEFAULT_ENDPOINT };
+        self.listen.clone().unwrap_or_else(|| vec![default.to_owned()])
     }
 
     /// Where the others connect: where the plant listens unless told otherwise.
@@ -88,20 +105,16 @@ impl BusSettings {
             connect: None,
             scouting: None,
             config: None,
+            certs: None,
+            identity: None,
+            insecure: false,
         };
         let Some(section) = section else { return Ok(settings) };
         let kinds =
             [("local", BusKind::Local), ("iceoryx2", BusKind::Iceoryx2), ("zenoh", BusKind::Zenoh)];
         settings.kind = section.choice("kind", &kinds, Some(settings.kind))?;
-        let expected =
-            "a name of letters, digits, '-' and '_', at most 64 (only a monitor takes '*')";
-        let session = section.optional("session", expected, |value| {
-            let name = value.as_str()?;
-            let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-            (!name.is_empty() && name.len() <= 64 && name.chars().all(fits)).then_some(name)
-        })?;
-        if let Some(session) = session {
-            settings.session = session.to_owned();
+        if let Some(session) = section.optional("session", SESSION, name)? {
+            settings.session = session;
         }
         let waits = [("spin", Wait::Spin), ("block", Wait::Block)];
         settings.wait = section.choice("wait", &waits, Some(settings.wait))?;
@@ -111,9 +124,45 @@ impl BusSettings {
         settings.config = section
             .optional("config", "the path of a Zenoh configuration file", toml::Value::as_str)?
             .map(PathBuf::from);
+        settings.certs = section
+            .optional("certs", "the path of a directory of certificates", toml::Value::as_str)?
+            .map(PathBuf::from);
+        settings.identity = section.optional("identity", NAME, name)?;
+        let insecure = section.optional("insecure", "true or false", toml::Value::as_bool)?;
+        settings.insecure = insecure.unwrap_or(false);
+        settings.refuse_mixed(&section)?;
         section.finish()?;
         Ok(settings)
     }
+
+    /// With certificates nothing goes over a link without them; without, there are no links that need them.
+    fn refuse_mixed(&self, section: &Section<'_>) -> Result<(), ScenarioError> {
+        let has_certificates = self.certs.is_some();
+        if self.config.is_some() && !has_certificates {
+            return Ok(()); // The file may bring its own.
+        }
+        let expected = if has_certificates {
+            "tls/ or quic/ beside bus.certs: with certificates nobody is heard without one"
+        } else {
+            "tcp/, udp/ or unixsock-stream/, or certificates for tls and quic (--certs DIR; 'mtj certs' makes them)"
+        };
+        let fits = |endpoint: &String| {
+            let protocol = endpoint.split('/').next().unwrap_or_default();
+            CERTIFIED.contains(&protocol) == has_certificates
+        };
+        for (key, endpoints) in [("listen", &self.listen), ("connect", &self.connect)] {
+            if !endpoints.iter().flatten().all(fits) {
+                return Err(section.refuse(key, expected));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn name(value: &toml::Value) -> Option<String> {
+    let name = value.as_str()?;
+    let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    (!name.is_empty() && name.len() <= 64 && name.chars().all(fits)).then(|| name.to_owned())
 }
 
 fn endpoints(section: &Section<'_>, key: &str) -> Result<Option<Vec<String>>, ScenarioError> {

@@ -19,7 +19,7 @@ pub use self::{
     monitor::{Message, MonitorPort},
     offer::{Offered, fetch_scenario},
     plant::PlantPort,
-    request::{REPEAT, RequestPort},
+    request::{REPEAT, RequestPort, UNANSWERED},
 };
 use crate::{
     bus::BusError,

@@ -15,6 +15,10 @@ use crate::{
 /// answers it twice and carries it out once.
 pub const REPEAT: Duration = Duration::from_millis(100);
 
+/// What to say when no answer came. Nobody tells who asks without the right to that he has none.
+pub const UNANSWERED: &str = "the plant does not answer; where it is reached with certificates, only an operator may \
+                              turn knobs (--identity operator)";
+
 /// Asks the plant to turn knobs.
 pub struct RequestPort {
     requests: Box<dyn Writer<RequestSample>>,

@@ -3,7 +3,7 @@
 use mtj_model::scenario::BusSettings;
 use zenoh::Config;
 
-use super::in_one_line;
+use super::{access, credentials::Credentials, exposure, in_one_line, recovery};
 use crate::{bus::BusError, member::Role};
 
 /// How many samples may wait for Zenoh's sending thread before one is dropped: the most that Zenoh
@@ -11,12 +11,12 @@ use crate::{bus::BusError, member::Role};
 /// core for some milliseconds; the loop reads the newest anyway.
 const QUEUE: usize = 16;
 
+/// How long a patient writer waits for room, µs: what a machine may withhold from Zenoh's sending thread.
+const PATIENCE_US: &str = "200000";
+
 /// The session's configuration: the user's file if there is one, ours over it where it speaks of
 /// what the user said on the command line or in the scenario.
 pub(super) fn configure(settings: &BusSettings, role: Role) -> Result<Config, BusError> {
-    let refuse = |error: zenoh::Error| {
-        BusError::Settings(format!("the Zenoh configuration: {}", in_one_line(&error)))
-    };
     let mut config = match &settings.config {
         None => Config::default(),
         Some(path) => Config::from_file(path).map_err(|error| {
@@ -24,7 +24,7 @@ pub(super) fn configure(settings: &BusSettings, role: Role) -> Result<Config, Bu
             BusError::Settings(format!("{}: not a Zenoh configuration ({reason})", path.display()))
         })?,
     };
-    let mut set = |key: &str, value: String| config.insert_json5(key, &value).map_err(refuse);
+    let mut set = |key: &str, value: String| config.insert_json5(key, &value).map_err(refusal);
     let ours = settings.config.is_none();
     let listens = listens(settings, role);
     if ours || settings.scouting.is_some() {
@@ -37,6 +37,9 @@ pub(super) fn configure(settings: &BusSettings, role: Role) -> Result<Config, Bu
         set("mode", if listens { "\"peer\"" } else { "\"client\"" }.to_owned())?;
         set("listen/endpoints", "[]".to_owned())?;
         set("transport/link/tx/queue/size/real_time", QUEUE.to_string())?;
+        for (key, value) in recovery::SETTINGS {
+            set(key, value.to_owned())?;
+        }
     }
     match listens {
         true if ours || settings.listen.is_some() => {
@@ -50,13 +53,35 @@ pub(super) fn configure(settings: &BusSettings, role: Role) -> Result<Config, Bu
         }
         _ => {}
     }
+    if let Some(credentials) = Credentials::of(settings, role)? {
+        for (key, value) in credentials.tls() {
+            set(&key, value)?;
+        }
+        // Whatever else is found on the way, by scouting or gossip, is not spoken to.
+        set("transport/link/protocols", r#"["tls", "quic"]"#.to_owned())?;
+        if role == Role::Plant {
+            set("access_control", access::rules(&settings.session).map_err(refusal)?)?;
+        }
+    }
+    exposure::check(&config, settings)?;
     Ok(config)
+}
+
+/// Rather waits a moment than drops a sample: nobody waits for the one who writes it. A peer that takes
+/// nothing more holds up the others once, and is then passed over until it does.
+pub(super) fn be_patient(config: &mut Config) -> Result<(), BusError> {
+    let key = "transport/link/tx/queue/congestion_control/drop/wait_before_drop";
+    config.insert_json5(key, PATIENCE_US).map_err(refusal)
 }
 
 /// Whether a role waits for others to connect: a plant does, unless it is told of a router to connect to
 /// and of nowhere to listen.
 pub(super) fn listens(settings: &BusSettings, role: Role) -> bool {
     role == Role::Plant && (settings.listen.is_some() || settings.connect.is_none())
+}
+
+fn refusal(error: zenoh::Error) -> BusError {
+    BusError::Settings(format!("the Zenoh configuration: {}", in_one_line(&error)))
 }
 
 fn list(endpoints: &[String]) -> String {

@@ -4,8 +4,20 @@
 //! all connect to a router, so that all traffic of a session passes through explicit addresses.
 //! Samples travel express (no batching), with real-time priority, and are dropped rather than queued
 //! when the network is congested: a late sample is worth less than the next one.
+//!
+//! ```text
+//! config       the session's configuration, made of the user's settings
+//! credentials  certificates, and the TLS that they make
+//! access       who may say what
+//! exposure     where nobody listens without them
+//! recovery     what brings a session back after the network failed
+//! ```
 
+mod access;
 mod config;
+mod credentials;
+mod exposure;
+mod recovery;
 
 use std::{
     any::Any,
@@ -17,12 +29,13 @@ use std::{
 
 use mtj_model::scenario::{BusSettings, Wait};
 use zenoh::{
-    Session, Wait as _,
+    Config, Session, Wait as _,
     pubsub::Publisher,
     qos::{CongestionControl, Priority},
     sample::SampleKind,
 };
 
+use self::recovery::Unlingering;
 use crate::{
     bus::{Attendance, Bus, BusError, Depth, Offering, Reader, Sessions, Shared, Writer},
     codec::{self, LARGEST_SAMPLE},
@@ -35,11 +48,14 @@ use crate::{
 const RETRY: Duration = Duration::from_millis(100);
 /// How long an answer to a query may take.
 const QUERY_TIMEOUT: Duration = Duration::from_secs(1);
+/// How long a role with certificates tries to connect before it says that they may be to blame.
+const DOUBT: Duration = Duration::from_secs(3);
 
 /// A session on Zenoh.
 pub struct ZenohBus {
     session: Session,
     prefix: String,
+    _unlingering: Arc<Unlingering>,
 }
 
 impl ZenohBus {
@@ -50,7 +66,26 @@ impl ZenohBus {
         role: Role,
         proceed: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, BusError> {
-        let config = config::configure(settings, role)?;
+        Self::connect(config::configure(settings, role)?, settings, role, proceed)
+    }
+
+    /// Opens a session in the place of a plant that is elsewhere.
+    pub fn stand_in(
+        settings: &BusSettings,
+        proceed: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, BusError> {
+        let mut config = config::configure(settings, Role::Plant)?;
+        config::be_patient(&mut config)?;
+        Self::connect(config, settings, Role::Plant, proceed)
+    }
+
+    fn connect(
+        config: Config,
+        settings: &BusSettings,
+        role: Role,
+        proceed: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, BusError> {
+        let mut doubt = settings.certs.is_some().then(|| Instant::now() + DOUBT);
         let session = loop {
             if !proceed() {
                 return Ok(None);
@@ -65,10 +100,23 @@ impl ZenohBus {
                         in_one_line(&error)
                     )));
                 }
-                Err(_) => thread::sleep(RETRY),
+                Err(_) => {
+                    if doubt.take_if(|from| Instant::now() >= *from).is_some() {
+                        eprintln!(
+                            "mtj: no way to {} yet: nobody is there, its certificate is of another \
+                             authority or for another host name, or ours is not accepted; still trying",
+                            settings.connect_endpoints().join(", ")
+                        );
+                    }
+                    thread::sleep(RETRY);
+                }
             }
         };
-        Ok(Some(Self { session, prefix: format!("mtj/{}", settings.session) }))
+        Ok(Some(Self {
+            session,
+            prefix: format!("mtj/{}", settings.session),
+            _unlingering: Arc::new(Unlingering::begin()?),
+        }))
     }
 
     /// Whether the settings make a Zenoh configuration.
@@ -176,7 +224,11 @@ impl Bus for ZenohBus {
 
 impl Shared for ZenohBus {
     fn within(&self, session: &str) -> Result<Self, BusError> {
-        Ok(Self { session: self.session.clone(), prefix: format!("mtj/{session}") })
+        Ok(Self {
+            session: self.session.clone(),
+            prefix: format!("mtj/{session}"),
+            _unlingering: Arc::clone(&self._unlingering),
+        })
     }
 
     fn sessions(&self) -> Result<Box<dyn Sessions>, BusError> {

@@ -46,7 +46,7 @@ impl BridgeCommand {
         let proceed = || shutdown.proceed();
         // Those beyond connect to the bridge as they do to a plant; here it listens, and hands in wishes.
         let role = if self.read_only { Role::Monitor } else { Role::Operator };
-        let Some(far) = AnyBus::open(&to, Role::Plant, &proceed)? else { return Ok(()) };
+        let Some(far) = AnyBus::stand_in(&to, &proceed)? else { return Ok(()) };
         let Some(near) = AnyBus::open(&from, role, &proceed)? else { return Ok(()) };
         let mut bridge = Bridge::open(&near, &far, self.read_only)?;
         say(&format!(

@@ -8,7 +8,7 @@ use mtj_protocol::{
     knob::Knob,
     member::Role,
     options::BusOptions,
-    port::{Offered, RequestPort, fetch_scenario},
+    port::{Offered, RequestPort, UNANSWERED, fetch_scenario},
     shutdown::Shutdown,
     transport::AnyBus,
 };
@@ -133,7 +133,7 @@ fn turn(
     check(&offered)?;
     let change = port
         .turn(offered.run, knob, Instant::now() + PATIENCE)?
-        .ok_or_else(|| "the plant does not answer".to_owned())?;
+        .ok_or_else(|| UNANSWERED.to_owned())?;
     change.outcome().map_err(Failure::bad_input)?;
     let (time, sample) = (change.header.time_ns as f64 * 1e-9, change.header.sequence);
     println!("{}: in effect from t = {time:.3} s, sample {sample}", change.words());

@@ -1,6 +1,7 @@
 //! The subcommands of `mtj`, one file each.
 
 pub mod bridge;
+pub mod certs;
 pub mod export;
 pub mod knob;
 pub mod paper;

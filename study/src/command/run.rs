@@ -1,7 +1,7 @@
 //! `mtj run`: one run without a screen.
 
 use clap::Args;
-use mtj_model::scenario::{BusKind, Scenario};
+use mtj_model::scenario::{BusKind, BusSettings, Scenario};
 use mtj_plant::{
     options::{OutputOptions, ScenarioOptions},
     report::Report,
@@ -42,7 +42,8 @@ impl Run {
 
 /// Runs the roles as processes on a runtime of their own.
 pub fn launch_roles(launch: Launch, scenario: &Scenario) -> Result<Report, Failure> {
-    AnyBus::check(&scenario.bus)?; // Said once here, not by each role.
+    // Said once here, not by each role.
+    AnyBus::check(&BusSettings { identity: None, ..scenario.bus.clone() })?;
     Shutdown::on_signals(); // The roles stop by themselves; this process waits for them.
     let launch = launch.separate(scenario)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
