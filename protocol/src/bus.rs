@@ -4,7 +4,7 @@
 //! asks. It knows nothing of control: which topics a role may write is decided in [`crate::port`],
 //! and what is acceptable in [`crate::gate`].
 
-use std::{any::Any, collections::BTreeMap, fmt, time::Instant};
+use std::{any::Any, collections::BTreeSet, fmt, time::Instant};
 
 use mtj_model::scenario::Wait;
 
@@ -37,14 +37,14 @@ pub trait Attendance {
 pub trait Shared: Bus + Sized {
     /// The same bus, for another session.
     fn within(&self, session: &str) -> Result<Self, BusError>;
-    /// Watches who has announced himself in any session.
+    /// Watches which sessions there are.
     fn sessions(&self) -> Result<Box<dyn Sessions>, BusError>;
 }
 
 /// The sessions of a bus.
 pub trait Sessions {
-    /// All in which somebody takes part, by name, as far as the bus knows.
-    fn present(&mut self) -> Result<BTreeMap<String, Vec<Member>>, BusError>;
+    /// The names of all in which somebody has announced himself, as far as the bus knows.
+    fn names(&mut self) -> Result<BTreeSet<String>, BusError>;
 }
 
 /// How much a reader keeps for its owner.

@@ -8,7 +8,7 @@
 use std::{
     any::Any,
     cell::RefCell,
-    collections::BTreeMap,
+    collections::BTreeSet,
     fmt::Debug,
     os::fd::BorrowedFd,
     thread,
@@ -262,14 +262,10 @@ impl Attendance for Nodes {
 }
 
 impl Sessions for Nodes {
-    fn present(&mut self) -> Result<BTreeMap<String, Vec<Member>>, BusError> {
-        let mut sessions = BTreeMap::<String, Vec<Member>>::new();
+    fn names(&mut self) -> Result<BTreeSet<String>, BusError> {
+        let mut sessions = BTreeSet::new();
         self.each(|name| {
-            if let Some((session, member)) = name.split_once('/')
-                && let Ok(member) = member.parse()
-            {
-                sessions.entry(session.to_owned()).or_default().push(member);
-            }
+            sessions.extend(name.split_once('/').map(|(session, _)| session.to_owned()));
         })?;
         Ok(sessions)
     }

@@ -159,10 +159,14 @@ impl BusSettings {
     }
 }
 
-fn name(value: &toml::Value) -> Option<String> {
-    let name = value.as_str()?;
+/// Whether a session can be called so.
+pub fn is_name(text: &str) -> bool {
     let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    (!name.is_empty() && name.len() <= 64 && name.chars().all(fits)).then(|| name.to_owned())
+    !text.is_empty() && text.len() <= 64 && text.chars().all(fits)
+}
+
+fn name(value: &toml::Value) -> Option<String> {
+    value.as_str().filter(|text| is_name(text)).map(str::to_owned)
 }
 
 fn endpoints(section: &Section<'_>, key: &str) -> Result<Option<Vec<String>>, ScenarioError> {

@@ -1,14 +1,10 @@
 //! One session of a fleet.
 
-use std::{
-    collections::HashMap,
-    time::{Duration, Instant},
-};
+use std::time::{Duration, Instant};
 
 use mtj_model::scenario::LawKind;
 use mtj_protocol::{
     bus::Shared,
-    member::{Member, Role},
     port::{Message, MonitorPort},
     sample::{PresenceSample, text_of},
 };
@@ -25,9 +21,6 @@ pub struct Cell<B> {
     trouble: Option<String>,
     overview: Overview,
     second: Second,
-    /// Where each controller runs that has said so.
-    places: HashMap<u64, String>,
-    members: Vec<Member>,
     absent: Option<Instant>,
 }
 
@@ -38,8 +31,6 @@ impl<B> Default for Cell<B> {
             trouble: None,
             overview: Overview::default(),
             second: Second::default(),
-            places: HashMap::new(),
-            members: Vec::new(),
             absent: None,
         }
     }
@@ -58,10 +49,9 @@ impl<B: Shared> Cell<B> {
         }
     }
 
-    /// Takes note of who takes part.
-    pub fn attended_by(&mut self, members: Vec<Member>) {
-        self.absent = members.is_empty().then(|| self.absent.unwrap_or_else(Instant::now));
-        self.members = members;
+    /// Takes note of whether anybody takes part.
+    pub fn is_there(&mut self, is_there: bool) {
+        self.absent = (!is_there).then(|| self.absent.unwrap_or_else(Instant::now));
     }
 
     /// For how long nobody has taken part.
@@ -72,15 +62,11 @@ impl<B: Shared> Cell<B> {
     /// Takes in what was said since the last call.
     pub fn listen(&mut self) {
         let Some((bus, port)) = &mut self.ears else { return };
-        let Self { overview, second, places, .. } = self;
+        let Self { overview, second, .. } = self;
         let heard = port.drain(bus, &mut |message| {
             overview.hear(&message);
-            match message {
-                Message::Error(error) => second.add(&error),
-                Message::Presence(presence) => {
-                    places.insert(presence.id, place(&presence));
-                }
-                _ => {}
+            if let Message::Error(error) = message {
+                second.add(&error);
             }
         });
         if let Err(error) = heard {
@@ -95,8 +81,6 @@ impl<B: Shared> Cell<B> {
         let overview = &self.overview;
         let law = overview.law();
         let status = overview.status.unwrap_or_default();
-        let leader = overview.state.map_or(0, |state| state.leader);
-        let controllers = self.members.iter().filter(|member| member.role == Role::Controller);
         Row {
             session: name.to_owned(),
             phase: match overview.phase() {
@@ -112,11 +96,12 @@ impl<B: Shared> Cell<B> {
             error: second.rms_error(),
             factor: second.mean_factor().filter(|_| law == Some(LawKind::Mtj)),
             round_trip: overview.round_trips.spread(),
-            in_charge: match leader {
-                0 => "-".to_owned(),
-                leader => self.places.get(&leader).cloned().unwrap_or_else(|| "?".to_owned()),
+            in_charge: match (overview.leader(), &overview.controller().presence) {
+                (None, _) => "-".to_owned(),
+                (Some(_), None) => "?".to_owned(),
+                (Some(_), Some(presence)) => place(presence),
             },
-            standby: controllers.filter(|member| member.id != leader).count(),
+            standby: overview.standing_by(),
             counts: [
                 status.lost,
                 status.late,
@@ -136,5 +121,6 @@ impl<B: Shared> Cell<B> {
 
 /// A process and its machine.
 fn place(presence: &PresenceSample) -> String {
-    format!("{}@{}", presence.process, text_of(&presence.host))
+    let host: String = text_of(&presence.host).chars().filter(|c| c.is_ascii_graphic()).collect();
+    format!("{}@{host}", presence.process)
 }

@@ -17,6 +17,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use mtj_model::scenario::is_name;
 use mtj_protocol::bus::{BusError, Shared};
 
 pub use self::pattern::Pattern;
@@ -48,14 +49,14 @@ pub fn watch<B: Shared>(
         let now = Instant::now();
         if now >= look {
             look = now + LOOK;
-            let mut present = sessions.present()?;
-            present.retain(|name, _| pattern.matches(name));
-            for name in present.keys() {
-                let cell = cells.entry(name.clone()).or_default();
-                cell.join(bus, name);
+            let mut present = sessions.names()?;
+            // Anybody may announce himself on a bus under any name.
+            present.retain(|name| is_name(name) && pattern.matches(name));
+            for name in &present {
+                cells.entry(name.clone()).or_default().join(bus, name);
             }
             for (name, cell) in &mut cells {
-                cell.attended_by(present.remove(name).unwrap_or_default());
+                cell.is_there(present.contains(name));
             }
             cells.retain(|_, cell| cell.absence().is_none_or(|absence| absence < FAREWELL));
         }

@@ -21,7 +21,7 @@ mod recovery;
 
 use std::{
     any::Any,
-    collections::BTreeMap,
+    collections::BTreeSet,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     thread,
     time::{Duration, Instant},
@@ -232,7 +232,7 @@ impl Shared for ZenohBus {
     }
 
     fn sessions(&self) -> Result<Box<dyn Sessions>, BusError> {
-        let announced = Arc::new(Mutex::new(Vec::new()));
+        let announced = Arc::new(Mutex::new(BTreeSet::new()));
         let heard = Arc::clone(&announced);
         let subscriber = self
             .session
@@ -244,13 +244,11 @@ impl Shared for ZenohBus {
                 let Some((session, member)) = key.and_then(|key| key.split_once("/member/")) else {
                     return;
                 };
-                let Ok(member) = member.parse::<Member>() else { return };
-                let announcement = (session.to_owned(), member);
-                let mut announced = lock(&heard);
-                announced.retain(|known| *known != announcement);
-                if sample.kind() == SampleKind::Put {
-                    announced.push(announcement);
-                }
+                let announcement = (session.to_owned(), member.to_owned());
+                match sample.kind() {
+                    SampleKind::Put => lock(&heard).insert(announcement),
+                    SampleKind::Delete => lock(&heard).remove(&announcement),
+                };
             })
             .wait()
             .map_err(failure)?;
@@ -259,17 +257,14 @@ impl Shared for ZenohBus {
 }
 
 struct ZenohSessions<K> {
-    announced: Arc<Mutex<Vec<(String, Member)>>>,
+    /// A session, and a member of it.
+    announced: Arc<Mutex<BTreeSet<(String, String)>>>,
     _keep: K,
 }
 
 impl<K> Sessions for ZenohSessions<K> {
-    fn present(&mut self) -> Result<BTreeMap<String, Vec<Member>>, BusError> {
-        let mut sessions = BTreeMap::<String, Vec<Member>>::new();
-        for (session, member) in lock(&self.announced).iter() {
-            sessions.entry(session.clone()).or_default().push(*member);
-        }
-        Ok(sessions)
+    fn names(&mut self) -> Result<BTreeSet<String>, BusError> {
+        Ok(lock(&self.announced).iter().map(|(session, _)| session.clone()).collect())
     }
 }
 

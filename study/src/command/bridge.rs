@@ -114,7 +114,7 @@ impl Log {
         }
         self.is_missing = missed > 0;
         say(&format!(
-            "{:6} samples/s over  requests back {}  missed {}  no samples {}  here: {}",
+            "{:6} samples/s  requests {}  missed {}  malformed {}  here: {}",
             traffic.over - self.before.over,
             traffic.back,
             traffic.missed,
@@ -128,7 +128,7 @@ impl Log {
         let Traffic { over, back, missed, malformed } = traffic;
         say(&format!(
             "mtj bridge: carried {over} samples over and {back} requests back; {missed} states missed, \
-             {malformed} messages that were no samples"
+             {malformed} messages malformed"
         ));
     }
 }
@@ -149,5 +149,9 @@ fn company<'a>(members: impl Iterator<Item = &'a Member>) -> String {
         }
     }
     let plant = if plants > 0 { "a plant" } else { "no plant" };
-    format!("{plant}, {controllers} controllers")
+    match controllers {
+        0 => format!("{plant}, no controller"),
+        1 => format!("{plant}, a controller"),
+        _ => format!("{plant}, {controllers} controllers"),
+    }
 }
