@@ -9,7 +9,7 @@ use std::{
     collections::BTreeSet,
     fs::{self, File},
     net::TcpListener,
-    os::unix::process::CommandExt,
+    os::unix::{fs::MetadataExt, process::CommandExt},
     path::{Path, PathBuf},
     process::{self, Child, Command, ExitStatus, Stdio},
     sync::atomic::{AtomicU64, Ordering},
@@ -18,10 +18,14 @@ use std::{
 };
 
 use mtj_model::scenario::BusSettings;
+use mtj_protocol::{member::Role, transport::AnyBus};
 use nix::{
     sys::signal::{Signal, kill},
     unistd::Pid,
 };
+
+/// The program.
+pub const MTJ: &str = env!("CARGO_BIN_EXE_mtj");
 
 /// Nothing here takes this long unless it never ends.
 pub const LONG: Duration = Duration::from_secs(60);
@@ -85,10 +89,13 @@ impl Session {
 
     /// The same behind a command that makes way for `mtj`, like `env`.
     pub fn start_behind(&self, prefix: &[&str], arguments: &[&str]) -> Running {
+        self.run_command(&[prefix, &[MTJ], arguments].concat())
+    }
+
+    fn run_command(&self, words: &[&str]) -> Running {
         let number = self.started.fetch_add(1, Ordering::Relaxed);
         let file = |stream| self.directory.join(format!("{number}.{stream}"));
         let (out, err) = (file("out"), file("err"));
-        let words = [prefix, &[env!("CARGO_BIN_EXE_mtj")], arguments].concat();
         let child = Command::new(words[0])
             .args(&words[1..])
             .current_dir(&self.directory)
@@ -99,7 +106,17 @@ impl Session {
             .process_group(0)
             .spawn()
             .unwrap();
-        Running { child, out, err, arguments: arguments.join(" ") }
+        Running { child, out, err, arguments: words[1..].join(" ") }
+    }
+
+    /// Starts a program that becomes `mtj`.
+    pub fn start_program(&self, program: &str, arguments: &[&str]) -> Running {
+        self.run_command(&[&[program], arguments].concat())
+    }
+
+    /// Joins the session's bus from within the test.
+    pub fn join(&self, role: Role) -> AnyBus {
+        AnyBus::open(&self.settings(), role, &|| true).unwrap().unwrap()
     }
 
     /// Runs `mtj` to its end and parses what it prints as JSON.
@@ -227,12 +244,24 @@ pub fn shared_memory_of(pids: &[u32]) -> BTreeSet<String> {
             .filter_map(|part| part.parse::<u128>().ok())
             .any(|number| pids.contains(&((number >> 64) as u32)))
     };
-    ["/dev/shm", "/tmp/iceoryx2", "/tmp/iceoryx2/nodes"]
-        .iter()
-        .filter_map(|directory| fs::read_dir(directory).ok())
-        .flatten()
-        .flatten()
-        .filter_map(|entry| entry.file_name().into_string().ok())
-        .filter(|name| made_by_them(name))
-        .collect()
+    shared_memory().into_iter().filter(|path| made_by_them(path)).collect()
+}
+
+/// Everything that any mtj of this user has in shared memory.
+pub fn shared_memory() -> BTreeSet<String> {
+    let user = fs::metadata("/proc/self").unwrap().uid();
+    let (domain, prefix) = (format!("mtj_{user}"), format!("mtj_{user}_"));
+    let paths = |directory: &Path| {
+        let entries = fs::read_dir(directory).into_iter().flatten().flatten();
+        entries.map(|entry| entry.path()).collect::<Vec<_>>()
+    };
+    let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let mut found = paths(Path::new("/dev/shm"));
+    found.retain(|path| name(path) == domain || name(path).starts_with(&prefix));
+    let mut next = 0;
+    while next < found.len() {
+        found.extend(paths(&found[next]));
+        next += 1;
+    }
+    found.into_iter().map(|path| path.display().to_string()).collect()
 }

@@ -5,18 +5,21 @@
 //! that block have a listener beside it, and writers notify only while there is one, so a spinning
 //! loop makes no system calls. The scenario is a service of bytes with a history of one.
 
+mod domain;
+mod members;
+mod refusal;
+mod scarcity;
+
 use std::{
     any::Any,
     cell::RefCell,
-    collections::BTreeSet,
-    fmt::Debug,
     os::fd::BorrowedFd,
+    sync::Arc,
     thread,
     time::{Duration, Instant},
 };
 
 use iceoryx2::{
-    node::NodeView,
     port::{
         listener::Listener, notifier::Notifier, publisher::Publisher, subscriber::Subscriber,
         update_connections::UpdateConnections,
@@ -27,10 +30,16 @@ use iceoryx2::{
 use mtj_model::scenario::Wait;
 use nix::poll::{PollFd, PollFlags, ppoll};
 
+use self::{
+    domain::{Broom, Domain, Indoors},
+    members::Members,
+    refusal::Trouble,
+    scarcity::failure,
+};
 use crate::{
     bus::{
-        self, Attendance, Bus, BusError, Depth, Offering, RECENT_DEPTH, Reader, STREAM_DEPTH,
-        Sessions, Shared, Writer,
+        Attendance, Bus, BusError, Depth, Offering, RECENT_DEPTH, Reader, STREAM_DEPTH, Sessions,
+        Shared, Writer,
     },
     member::Member,
     sample::Sample,
@@ -51,23 +60,15 @@ const STREAM_POLL: Duration = Duration::from_millis(1);
 pub struct Iceoryx2Bus {
     offers: RefCell<Offers>,
     session: String,
-    node: Node<ipc::Service>,
-    /// Last, because fields are dropped in order: it sweeps when the last node has gone.
+    node: Indoors<Node<ipc::Service>>,
+    domain: Arc<Domain>,
+    /// Last, because fields are dropped in order: it sweeps when the node has gone.
     _broom: Broom,
-}
-
-/// Sweeps our domain of shared memory when a bus is gone.
-struct Broom(Box<Config>);
-
-impl Drop for Broom {
-    fn drop(&mut self) {
-        sweep(&self.0);
-    }
 }
 
 #[derive(Default)]
 struct Offers {
-    subscriber: Option<Subscriber<ipc::Service, [u8], ()>>,
+    subscriber: Option<Indoors<Subscriber<ipc::Service, [u8], ()>>>,
     newest: Option<Vec<u8>>,
 }
 
@@ -75,27 +76,26 @@ impl Iceoryx2Bus {
     /// Joins the session, after clearing away what dead processes left behind.
     pub fn open(session: &str) -> Result<Self, BusError> {
         set_log_level_from_env_or(LogLevel::Fatal);
-        // A domain of our own, apart from other programs that use iceoryx2.
-        let mut config = Config::global_config().clone();
-        config.global.prefix = FileName::new(b"mtj_").map_err(failure("the domain's name"))?;
-        let node = node(&config, None)?;
+        let domain = Domain::open()?;
+        let node = domain.settle()?;
         Ok(Self {
             offers: RefCell::default(),
             session: session.to_owned(),
             node,
-            _broom: Broom(Box::new(config)),
+            _broom: Broom(Arc::clone(&domain)),
+            domain,
         })
     }
 
-    fn name(&self, topic: &str) -> Result<ServiceName, BusError> {
-        ServiceName::new(&format!("mtj/{}/{topic}", self.session))
-            .map_err(failure("the session's name"))
+    fn name(&self, topic: &str) -> Result<ServiceName, Trouble> {
+        Ok(ServiceName::new(&format!("mtj/{}/{topic}", self.session))?)
     }
 
     fn service<S: Sample>(
         &self,
-    ) -> Result<publish_subscribe::PortFactory<ipc::Service, S, ()>, BusError> {
-        self.node
+    ) -> Result<publish_subscribe::PortFactory<ipc::Service, S, ()>, Trouble> {
+        Ok(self
+            .node
             .service_builder(&self.name(S::TOPIC)?)
             .publish_subscribe::<S>()
             .enable_safe_overflow(true)
@@ -105,25 +105,25 @@ impl Iceoryx2Bus {
             .max_publishers(if S::ONE_WRITER { 1 } else { MAX_WRITERS })
             .max_subscribers(MAX_READERS)
             .max_nodes(MAX_NODES)
-            .open_or_create()
-            .map_err(failure(S::TOPIC))
+            .open_or_create()?)
     }
 
-    fn event_service(&self, topic: &str) -> Result<event::PortFactory<ipc::Service>, BusError> {
-        self.node
+    fn event_service(&self, topic: &str) -> Result<event::PortFactory<ipc::Service>, Trouble> {
+        Ok(self
+            .node
             .service_builder(&self.name(topic)?)
             .event()
             .max_listeners(MAX_READERS)
             .max_notifiers(MAX_WRITERS)
             .max_nodes(MAX_NODES)
-            .open_or_create()
-            .map_err(failure(topic))
+            .open_or_create()?)
     }
 
     fn offer_service(
         &self,
-    ) -> Result<publish_subscribe::PortFactory<ipc::Service, [u8], ()>, BusError> {
-        self.node
+    ) -> Result<publish_subscribe::PortFactory<ipc::Service, [u8], ()>, Trouble> {
+        Ok(self
+            .node
             .service_builder(&self.name("scenario")?)
             .publish_subscribe::<[u8]>()
             .enable_safe_overflow(true)
@@ -133,27 +133,52 @@ impl Iceoryx2Bus {
             .max_publishers(1)
             .max_subscribers(MAX_NODES)
             .max_nodes(MAX_NODES)
-            .open_or_create()
-            .map_err(failure("scenario"))
+            .open_or_create()?)
     }
 
-    fn writer_of<S: Sample>(&self) -> Result<Iceoryx2Writer<S>, BusError> {
+    /// Makes something of a topic's, or says why not.
+    fn make<T>(
+        &self,
+        topic: &str,
+        attempt: impl Fn() -> Result<T, Trouble>,
+    ) -> Result<Indoors<T>, BusError> {
+        let refuse = |trouble: Trouble| trouble.at(topic, &self.session, &self.domain);
+        self.domain.make(|| attempt().map_err(refuse))
+    }
+
+    fn write_end<S: Sample>(&self) -> Result<WriteEnd<S>, Trouble> {
         let publisher = self
             .service::<S>()?
             .publisher_builder()
             .max_loaned_samples(1)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
-            .create()
-            .map_err(|error| taken(&self.session, S::TOPIC, &error))?;
+            .create()?;
+        self.domain.reserve(publisher.id().value(), MAX_READERS)?;
         let event = self.event_service(S::TOPIC)?;
-        let notifier = event.notifier_builder().create().map_err(failure(S::TOPIC))?;
-        Ok(Iceoryx2Writer { publisher, notifier, event })
+        let notifier = event.notifier_builder().create()?;
+        Ok(WriteEnd { publisher, notifier, event })
+    }
+
+    fn read_end<S: Sample>(&self, buffer: usize, listens: bool) -> Result<ReadEnd<S>, Trouble> {
+        let subscriber = self.service::<S>()?.subscriber_builder().buffer_size(buffer).create()?;
+        let listener = match listens {
+            true => Some(self.event_service(S::TOPIC)?.listener_builder().create()?),
+            false => None,
+        };
+        Ok(ReadEnd { subscriber, listener })
+    }
+
+    fn offer_end(&self) -> Result<Publisher<ipc::Service, [u8], ()>, Trouble> {
+        let service = self.offer_service()?;
+        let publisher = service.publisher_builder().initial_max_slice_len(MAX_OFFER).create()?;
+        self.domain.reserve(publisher.id().value(), MAX_NODES)?;
+        Ok(publisher)
     }
 }
 
 impl Bus for Iceoryx2Bus {
     fn writer<S: Sample>(&self) -> Result<Box<dyn Writer<S>>, BusError> {
-        Ok(Box::new(self.writer_of()?))
+        Ok(Box::new(Iceoryx2Writer(self.make(S::TOPIC, || self.write_end::<S>())?)))
     }
 
     fn reader<S: Sample>(&self, depth: Depth, wait: Wait) -> Result<Box<dyn Reader<S>>, BusError> {
@@ -162,30 +187,12 @@ impl Bus for Iceoryx2Bus {
             Depth::Recent => RECENT_DEPTH,
             Depth::Stream => STREAM_DEPTH,
         };
-        let subscriber = self
-            .service::<S>()?
-            .subscriber_builder()
-            .buffer_size(buffer)
-            .create()
-            .map_err(failure(S::TOPIC))?;
-        let listener = match (depth, wait) {
-            (Depth::Latest | Depth::Recent, Wait::Block) => {
-                let event = self.event_service(S::TOPIC)?;
-                Some(event.listener_builder().create().map_err(failure(S::TOPIC))?)
-            }
-            _ => None,
-        };
-        Ok(Box::new(Iceoryx2Reader { subscriber, listener }))
+        let listens = depth != Depth::Stream && wait == Wait::Block;
+        Ok(Box::new(Iceoryx2Reader(self.make(S::TOPIC, || self.read_end::<S>(buffer, listens))?)))
     }
 
     fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {
-        let publisher = self
-            .offer_service()?
-            .publisher_builder()
-            .initial_max_slice_len(MAX_OFFER)
-            .create()
-            .map_err(|error| taken(&self.session, "scenario", &error))?;
-        let mut offer = Iceoryx2Offer(publisher);
+        let mut offer = Iceoryx2Offer(self.make("scenario", || self.offer_end())?);
         offer.renew(bytes)?;
         Ok(Box::new(offer))
     }
@@ -193,9 +200,8 @@ impl Bus for Iceoryx2Bus {
     fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
         let mut offers = self.offers.borrow_mut();
         if offers.subscriber.is_none() {
-            let service = self.offer_service()?;
-            let subscriber = service.subscriber_builder().create().map_err(failure("scenario"))?;
-            offers.subscriber = Some(subscriber);
+            let subscribe = || Ok(self.offer_service()?.subscriber_builder().create()?);
+            offers.subscriber = Some(self.make("scenario", subscribe)?);
         }
         while let Some(subscriber) = &offers.subscriber
             && let Some(sample) = subscriber.receive().map_err(failure("scenario"))?
@@ -208,15 +214,13 @@ impl Bus for Iceoryx2Bus {
     }
 
     fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError> {
-        // A node of its own, because a node gets its name when it is made; iceoryx2 watches over nodes.
-        let name = format!("mtj/{}/{member}", self.session);
-        let node = node(self.node.config(), Some(&name))?;
-        Ok(Box::new(node))
+        let members = Members::of(&self.domain, &self.session)?;
+        let _inside = self.domain.enter()?;
+        members.announce(member)
     }
 
     fn attendance(&self) -> Result<Box<dyn Attendance>, BusError> {
-        let prefix = format!("mtj/{}/", self.session);
-        Ok(Box::new(Nodes { config: Box::new(self.node.config().clone()), prefix }))
+        Ok(Box::new(Members::of(&self.domain, &self.session)?))
     }
 }
 
@@ -226,91 +230,46 @@ impl Shared for Iceoryx2Bus {
     }
 
     fn sessions(&self) -> Result<Box<dyn Sessions>, BusError> {
-        let config = Box::new(self.node.config().clone());
-        Ok(Box::new(Nodes { config, prefix: "mtj/".to_owned() }))
+        Ok(Box::new(Members::of_all(&self.domain)?))
     }
 }
 
-/// The nodes whose names begin with `prefix`.
-struct Nodes {
-    config: Box<Config>,
-    prefix: String,
-}
-
-impl Nodes {
-    /// Shows what follows the prefix in the name of each that lives.
-    fn each(&self, mut show: impl FnMut(&str)) -> Result<(), BusError> {
-        Node::<ipc::Service>::list(&self.config, |node| {
-            if let NodeState::Alive(node) = node
-                && let Some(details) = node.details()
-                && let Some(name) = details.name().as_str().strip_prefix(&self.prefix)
-            {
-                show(name);
-            }
-            CallbackProgression::Continue
-        })
-        .map_err(failure("the nodes could not be listed"))
-    }
-}
-
-impl Attendance for Nodes {
-    fn present(&mut self) -> Result<Vec<Member>, BusError> {
-        let mut members = Vec::new();
-        self.each(|name| members.extend(name.parse::<Member>()))?;
-        Ok(members)
-    }
-}
-
-impl Sessions for Nodes {
-    fn names(&mut self) -> Result<BTreeSet<String>, BusError> {
-        let mut sessions = BTreeSet::new();
-        self.each(|name| {
-            sessions.extend(name.split_once('/').map(|(session, _)| session.to_owned()));
-        })?;
-        Ok(sessions)
-    }
-}
-
-fn node(config: &Config, name: Option<&str>) -> Result<Node<ipc::Service>, BusError> {
-    let mut builder =
-        NodeBuilder::new().config(config).signal_handling_mode(SignalHandlingMode::Disabled);
-    if let Some(name) = name {
-        builder = builder.name(&NodeName::new(name).map_err(failure("a node's name"))?);
-    }
-    builder.create().map_err(failure("shared memory could not be opened"))
-}
-
-struct Iceoryx2Writer<S: Sample> {
+struct WriteEnd<S: Sample> {
     publisher: Publisher<ipc::Service, S, ()>,
     notifier: Notifier<ipc::Service>,
     event: event::PortFactory<ipc::Service>,
 }
 
+struct Iceoryx2Writer<S: Sample>(Indoors<WriteEnd<S>>);
+
 impl<S: Sample> Writer<S> for Iceoryx2Writer<S> {
     fn write(&mut self, sample: &S) -> Result<(), BusError> {
-        self.publisher.send_copy(*sample).map_err(failure(S::TOPIC))?;
-        if self.event.dynamic_config().number_of_listeners() > 0 {
+        let WriteEnd { publisher, notifier, event } = &*self.0;
+        publisher.send_copy(*sample).map_err(failure(S::TOPIC))?;
+        if event.dynamic_config().number_of_listeners() > 0 {
             // A listener that died meanwhile is no reason to stop.
-            let _ = self.notifier.notify();
+            let _ = notifier.notify();
         }
         Ok(())
     }
 }
 
-struct Iceoryx2Reader<S: Sample> {
+struct ReadEnd<S: Sample> {
     subscriber: Subscriber<ipc::Service, S, ()>,
     listener: Option<Listener<ipc::Service>>,
 }
 
+struct Iceoryx2Reader<S: Sample>(Indoors<ReadEnd<S>>);
+
 impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
     fn take(&mut self) -> Result<Option<S>, BusError> {
-        let sample = self.subscriber.receive().map_err(failure(S::TOPIC))?;
+        let sample = self.0.subscriber.receive().map_err(failure(S::TOPIC))?;
         Ok(sample.map(|sample| *sample.payload()))
     }
 
     fn sleep(&mut self, until: Instant) -> Result<(), BusError> {
         let patience = until.saturating_duration_since(Instant::now());
-        match &self.listener {
+        match &self.0.listener {
             None => thread::sleep(patience.min(STREAM_POLL)),
             Some(listener) => {
                 wait_readable(listener, patience);
@@ -326,7 +285,7 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
     }
 }
 
-struct Iceoryx2Offer(Publisher<ipc::Service, [u8], ()>);
+struct Iceoryx2Offer(Indoors<Publisher<ipc::Service, [u8], ()>>);
 
 impl Offering for Iceoryx2Offer {
     fn renew(&mut self, bytes: Vec<u8>) -> Result<(), BusError> {
@@ -357,41 +316,4 @@ fn wait_readable(listener: &Listener<ipc::Service>, patience: Duration) {
     let mut descriptors = [PollFd::new(descriptor, PollFlags::POLLIN)];
     // An interruption by a signal is a wake-up like any other.
     let _ = ppoll(&mut descriptors, Some(patience.into()), None);
-}
-
-/// Removes the node counter that iceoryx2 leaves in shared memory, once no process uses it.
-#[expect(unsafe_code, reason = "iceoryx2 has no other call for it")]
-fn sweep(config: &Config) {
-    // Dead nodes use nothing. Some stay listed: a node killed while its remains were cleared away has
-    // lost the file that tells iceoryx2 our domain, and is sought in the default one from then on.
-    let mut is_in_use = false;
-    let listed = Node::<ipc::Service>::list(config, |node| {
-        is_in_use |= !matches!(node, NodeState::Dead(_));
-        CallbackProgression::Continue
-    });
-    if listed.is_ok() && !is_in_use {
-        // SAFETY: no node is left in our domain. Should one start at this moment, it keeps the
-        // segment it has mapped, and node ids stay unique by their process ids.
-        let _ = unsafe { iceoryx2::testing::remove_global_mgmt_segment::<ipc::Service>(config) };
-    }
-}
-
-fn failure<E: Debug>(what: &str) -> impl FnOnce(E) -> BusError {
-    move |error| BusError::Transport(format!("iceoryx2, {what}: {error:?}"))
-}
-
-/// A second writer on a topic for one: somebody else already plays this role.
-fn taken(
-    session: &str,
-    topic: &str,
-    error: &iceoryx2::port::publisher::PublisherCreateError,
-) -> BusError {
-    use iceoryx2::port::publisher::PublisherCreateError as E;
-    match error {
-        E::ExceedsMaxSupportedPublishers => BusError::Settings(format!(
-            "session '{session}' has as many processes that write '{topic}' as it may have; stop one, \
-             or choose another name with --session"
-        )),
-        error => bus::BusError::Transport(format!("iceoryx2, {topic}: {error:?}")),
-    }
 }

@@ -1,0 +1,93 @@
+//! Who has announced himself: a file for each, locked for as long as he lives.
+//!
+//! iceoryx2 knows who lives too, but to ask it costs more than a plant can spend between two samples.
+
+use std::{
+    any::Any,
+    collections::BTreeSet,
+    fs::{self, File, OpenOptions, TryLockError},
+    os::unix::fs::OpenOptionsExt,
+    path::PathBuf,
+};
+
+use super::{domain::Domain, scarcity};
+use crate::{
+    bus::{Attendance, BusError, Sessions},
+    member::Member,
+};
+
+/// The files of members.
+pub struct Members {
+    directory: PathBuf,
+    /// What the names of their files begin with.
+    prefix: String,
+}
+
+impl Members {
+    pub fn of(domain: &Domain, session: &str) -> Result<Self, BusError> {
+        let directory = domain.directory("members")?;
+        Ok(Self { directory, prefix: format!("{session}.") })
+    }
+
+    /// Those of every session.
+    pub fn of_all(domain: &Domain) -> Result<Self, BusError> {
+        Ok(Self { directory: domain.directory("members")?, prefix: String::new() })
+    }
+
+    /// What follows the prefix in the names of those who live.
+    fn living(&self) -> Result<Vec<String>, BusError> {
+        let refuse = |error| scarcity::io(&self.directory, &error);
+        let mut names = Vec::new();
+        for entry in fs::read_dir(&self.directory).map_err(refuse)?.flatten() {
+            let name = entry.file_name();
+            let Some(rest) = name.to_str().and_then(|name| name.strip_prefix(&self.prefix)) else {
+                continue;
+            };
+            // The kernel unlocks it when the process dies.
+            let locked = File::open(entry.path()).map(|file| file.try_lock_shared());
+            if matches!(locked, Ok(Err(TryLockError::WouldBlock))) {
+                names.push(rest.to_owned());
+            }
+        }
+        Ok(names)
+    }
+
+    /// Announces a member. Only inside.
+    pub fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError> {
+        let refuse = |error| scarcity::io(&self.directory, &error);
+        let name = format!("{}{}", self.prefix, member.to_string().replace('/', "."));
+        let path = self.directory.join(name);
+        let file =
+            OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&path);
+        let file = file.map_err(refuse)?;
+        file.lock().map_err(refuse)?;
+        Ok(Box::new(Announcement { path, _file: file }))
+    }
+}
+
+impl Attendance for Members {
+    fn present(&mut self) -> Result<Vec<Member>, BusError> {
+        let living = self.living()?;
+        Ok(living.iter().filter_map(|name| name.replace('.', "/").parse().ok()).collect())
+    }
+}
+
+impl Sessions for Members {
+    fn names(&mut self) -> Result<BTreeSet<String>, BusError> {
+        let living = self.living()?;
+        let session = |name: &String| Some(name.split_once('.')?.0.to_owned());
+        Ok(living.iter().filter_map(session).collect())
+    }
+}
+
+struct Announcement {
+    path: PathBuf,
+    _file: File,
+}
+
+impl Drop for Announcement {
+    fn drop(&mut self) {
+        // Unlocked it counts for nothing, even if it cannot be removed.
+        let _ = fs::remove_file(&self.path);
+    }
+}
