@@ -43,6 +43,8 @@ pub struct Bridge<'a, N, F> {
     members: HashMap<Member, Box<dyn Any>>,
     look: Instant,
     newest: Option<Header>,
+    /// Whether a plant has said anything since the last look.
+    is_alive: bool,
     missed: u64,
 }
 
@@ -75,6 +77,7 @@ impl<'a, N: Bus, F: Bus> Bridge<'a, N, F> {
             members: HashMap::new(),
             look: Instant::now(),
             newest: None,
+            is_alive: false,
             missed: 0,
             near,
             far,
@@ -87,8 +90,9 @@ impl<'a, N: Bus, F: Bus> Bridge<'a, N, F> {
             self.look = Instant::now() + LOOK;
             self.introduce()?;
         }
-        let Self { near, far, scenario, newest, missed, .. } = self;
+        let Self { near, far, scenario, newest, is_alive, missed, .. } = self;
         self.states.carry(|header| {
+            *is_alive = true;
             *missed += gap(newest.replace(*header), header);
             scenario.follow(*near, *far, header)
         })?;
@@ -109,7 +113,8 @@ impl<'a, N: Bus, F: Bus> Bridge<'a, N, F> {
                 self.members.insert(member, self.far.announce(&member)?);
             }
         }
-        if self.members().any(|member| member.role == Role::Plant) {
+        let is_alive = std::mem::take(&mut self.is_alive);
+        if is_alive || self.members().any(|member| member.role == Role::Plant) {
             self.scenario.serve()
         } else {
             self.scenario.withdraw();
