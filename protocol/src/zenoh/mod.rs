@@ -74,9 +74,14 @@ impl ZenohBus {
         settings: &BusSettings,
         proceed: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, BusError> {
-        let mut config = config::configure(settings, Role::Plant)?;
+        let mut settings = settings.clone();
+        if !config::listens(&settings, Role::Plant) {
+            // A router takes torques from controllers, and from other routers what they pass on.
+            settings.identity.get_or_insert_with(|| "router".to_owned());
+        }
+        let mut config = config::configure(&settings, Role::Plant)?;
         config::be_patient(&mut config)?;
-        Self::connect(config, settings, Role::Plant, proceed)
+        Self::connect(config, &settings, Role::Plant, proceed)
     }
 
     fn connect(
