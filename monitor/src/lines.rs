@@ -23,18 +23,33 @@ pub struct Lines<W> {
 
 /// Sums over the errors of the current second.
 #[derive(Default)]
-struct Second {
+pub(crate) struct Second {
     squared_error: f64,
     factor: f64,
     errors: u64,
 }
 
 impl Second {
-    fn add(&mut self, error: &ErrorSample) {
+    /// Counts one in.
+    pub fn add(&mut self, error: &ErrorSample) {
         let axes = error.header.axes as usize;
         self.squared_error += error.error[..axes].iter().map(|e| e * e).sum::<f64>();
         self.factor += error.factor[..axes].iter().sum::<f64>() / axes as f64;
         self.errors += 1;
+    }
+
+    /// Root mean square of the tracking error, m; `None` if there was no error sample.
+    pub fn rms_error(&self) -> Option<f64> {
+        self.over(self.squared_error).map(f64::sqrt)
+    }
+
+    /// Mean of k.
+    pub fn mean_factor(&self) -> Option<f64> {
+        self.over(self.factor)
+    }
+
+    fn over(&self, sum: f64) -> Option<f64> {
+        (self.errors > 0).then(|| sum / self.errors as f64)
     }
 }
 
@@ -54,14 +69,12 @@ impl<W: Write> Lines<W> {
         let law = self.overview.law();
         let mut line =
             format!("t {:7.1} s  {:<3}", self.overview.time(), law.map_or("-", LawKind::name));
-        let Second { squared_error, factor, errors } = self.second;
-        let over = |sum: f64| sum / errors.max(1) as f64;
-        if errors > 0 {
-            let factor = match law {
-                Some(LawKind::Mtj) => format!("{:.3}", over(factor)),
+        if let Some(error) = self.second.rms_error() {
+            let factor = match (law, self.second.mean_factor()) {
+                (Some(LawKind::Mtj), Some(factor)) => format!("{factor:.3}"),
                 _ => "-    ".to_owned(),
             };
-            line += &format!("  |e| {:.2e} m  k {factor}", over(squared_error).sqrt());
+            line += &format!("  |e| {error:.2e} m  k {factor}");
         } else if self.overview.phase() == Some(Phase::Paused) {
             line += "  paused             ";
         } else {

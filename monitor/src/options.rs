@@ -6,6 +6,7 @@ use mtj_protocol::{bus::BusError, member::Role, options::RoleOptions};
 #[cfg(feature = "foxglove")]
 use crate::foxglove::FoxgloveOptions;
 use crate::{
+    fleet::{self, Pattern},
     lines::Lines,
     monitor::{self, Audience, Live},
     recording::options::RecordingOptions,
@@ -60,8 +61,30 @@ impl AudienceOptions {
 }
 
 impl MonitorOptions {
-    /// Watches until asked to stop.
+    /// Watches until asked to stop: one session, or all that a pattern means.
     pub fn run(&self) -> Result<(), BusError> {
+        match &self.role.bus.session {
+            Some(name) if Pattern::is_one(name) => self.watch_fleet(&name.parse()?),
+            _ => self.watch_one(),
+        }
+    }
+
+    fn watch_fleet(&self, pattern: &Pattern) -> Result<(), BusError> {
+        if let Some(flag) = self.audience.arguments().first() {
+            return Err(BusError::Settings(format!(
+                "--session '{}' means many sessions, and {flag} is for one; name one, or leave out {flag} \
+                 for a table of all",
+                pattern.as_str()
+            )));
+        }
+        let mut role = self.role.clone();
+        role.bus.session = None;
+        let shutdown = role.shutdown();
+        let Some(bus) = role.join(Role::Monitor, shutdown)? else { return Ok(()) };
+        fleet::watch(&bus, pattern, std::io::stdout(), &|| shutdown.proceed())
+    }
+
+    fn watch_one(&self) -> Result<(), BusError> {
         let AudienceOptions { web, terminal, recording, .. } = &self.audience;
         // What cannot be is said before anything is begun.
         terminal.check()?;

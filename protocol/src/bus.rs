@@ -4,7 +4,7 @@
 //! asks. It knows nothing of control: which topics a role may write is decided in [`crate::port`],
 //! and what is acceptable in [`crate::gate`].
 
-use std::{any::Any, fmt, time::Instant};
+use std::{any::Any, collections::BTreeSet, fmt, time::Instant};
 
 use mtj_model::scenario::Wait;
 
@@ -31,6 +31,20 @@ pub trait Bus {
 pub trait Attendance {
     /// All who have announced themselves and live, as far as the bus knows. May take a fraction of a millisecond.
     fn present(&mut self) -> Result<Vec<Member>, BusError>;
+}
+
+/// A bus that many sessions share.
+pub trait Shared: Bus + Sized {
+    /// The same bus, for another session.
+    fn within(&self, session: &str) -> Result<Self, BusError>;
+    /// Watches which sessions there are.
+    fn sessions(&self) -> Result<Box<dyn Sessions>, BusError>;
+}
+
+/// The sessions of a bus.
+pub trait Sessions {
+    /// The names of all in which somebody has announced himself, as far as the bus knows.
+    fn names(&mut self) -> Result<BTreeSet<String>, BusError>;
 }
 
 /// How much a reader keeps for its owner.

@@ -1,11 +1,11 @@
 //! What the processes of a session say to each other.
 //!
 //! ```text
-//! port      what each role may say and hear          PlantPort, ControllerPort, MonitorPort, RequestPort
+//! port      what each role may say and hear          PlantPort, ControllerPort, MonitorPort, RequestPort, Bridge
 //! knob      what may be asked of a running loop      set, pause, resume, reset, kick
 //! gate      what is acceptable                       version, run, order, finite numbers
 //! transport the one that a scenario names            AnyBus: local, iceoryx2, zenoh, a file each
-//! bus       moving samples: one trait                Bus, Writer, Reader, Offering
+//! bus       moving samples: one trait                Bus, Writer, Reader, Offering; Shared, for many sessions
 //! member    who takes part                           role, number, precedence
 //! certificate  what a certificate says of itself
 //! codec     samples as bytes                         bincode, fixed-width little-endian

@@ -8,7 +8,7 @@ use std::{
 };
 
 /// What a process does in a session.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Role {
     /// Owns the arm, the clock and the scenario. On Zenoh it listens, and all others connect.
     Plant,
@@ -38,7 +38,7 @@ impl Role {
 /// Somebody who takes part in a session.
 ///
 /// In announcements written as `role/id/precedence/since_ns`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Member {
     /// As what.
     pub role: Role,

@@ -5,7 +5,7 @@ use std::any::Any;
 use mtj_model::scenario::{BusKind, BusSettings, Wait};
 
 use crate::{
-    bus::{Attendance, Bus, BusError, Depth, Offering, Reader, Writer},
+    bus::{Attendance, Bus, BusError, Depth, Offering, Reader, Sessions, Shared, Writer},
     local::LocalBus,
     member::{Member, Role},
     sample::Sample,
@@ -61,6 +61,19 @@ impl AnyBus {
             }
         }
     }
+
+    /// Joins the bus in the place of a plant that is elsewhere: a writer then rather waits a moment than
+    /// loses a sample, for no loop waits for it.
+    pub fn stand_in(
+        settings: &BusSettings,
+        proceed: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, BusError> {
+        match settings.kind {
+            #[cfg(feature = "zenoh")]
+            BusKind::Zenoh => Ok(ZenohBus::stand_in(settings, proceed)?.map(Self::Zenoh)),
+            _ => Self::open(settings, Role::Plant, proceed),
+        }
+    }
 }
 
 macro_rules! on_any {
@@ -94,4 +107,32 @@ impl Bus for AnyBus {
     fn attendance(&self) -> Result<Box<dyn Attendance>, BusError> {
         on_any!(self, bus => bus.attendance())
     }
+}
+
+impl Shared for AnyBus {
+    fn within(&self, session: &str) -> Result<Self, BusError> {
+        let _ = session;
+        match self {
+            Self::Local(_) => Err(one_session()),
+            #[cfg(feature = "iceoryx2")]
+            Self::Iceoryx2(bus) => bus.within(session).map(Self::Iceoryx2),
+            #[cfg(feature = "zenoh")]
+            Self::Zenoh(bus) => bus.within(session).map(Self::Zenoh),
+        }
+    }
+    fn sessions(&self) -> Result<Box<dyn Sessions>, BusError> {
+        match self {
+            Self::Local(_) => Err(one_session()),
+            #[cfg(feature = "iceoryx2")]
+            Self::Iceoryx2(bus) => bus.sessions(),
+            #[cfg(feature = "zenoh")]
+            Self::Zenoh(bus) => bus.sessions(),
+        }
+    }
+}
+
+fn one_session() -> BusError {
+    BusError::Settings(
+        "bus.kind = \"local\" has one session; many need iceoryx2 or zenoh".to_owned(),
+    )
 }

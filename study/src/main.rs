@@ -8,6 +8,7 @@ use mtj_monitor::options::MonitorOptions;
 use mtj_plant::options::PlantOptions;
 use mtj_study::command::{
     Failure,
+    bridge::BridgeCommand,
     certs::Certs,
     export::Export,
     knob::{Kick, Pause, Reset, Resume, Set},
@@ -35,6 +36,7 @@ enum Command {
     Plant(PlantOptions),
     Controller(ControllerOptions),
     Monitor(MonitorOptions),
+    Bridge(BridgeCommand),
     Export(Export),
     Replay(Replay),
     Paper(Paper),
@@ -72,6 +74,7 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Plant(plant) => Ok(plant.run()?),
         Command::Controller(controller) => Ok(controller.run()?),
         Command::Monitor(monitor) => Ok(monitor.run()?),
+        Command::Bridge(bridge) => bridge.run(),
         Command::Export(export) => export.run(),
         Command::Replay(replay) => replay.run(),
         Command::Paper(paper) => paper.run(),

@@ -70,7 +70,10 @@ const DEFAULT_TLS_ENDPOINT: &str = "tls/127.0.0.1:7447";
 const PROTOCOLS: [&str; 5] = ["tcp", "udp", "tls", "quic", "unixsock-stream"];
 /// Those of them that need certificates, and are the only ones when there are.
 const CERTIFIED: [&str; 2] = ["tls", "quic"];
-/// What sessions and identities may be called.
+/// What sessions may be called.
+const SESSION: &str =
+    "a name of letters, digits, '-' and '_', at most 64 (only a monitor takes '*')";
+/// What identities may be called.
 const NAME: &str = "a name of letters, digits, '-' and '_', at most 64";
 
 impl BusSettings {
@@ -110,7 +113,7 @@ impl BusSettings {
         let kinds =
             [("local", BusKind::Local), ("iceoryx2", BusKind::Iceoryx2), ("zenoh", BusKind::Zenoh)];
         settings.kind = section.choice("kind", &kinds, Some(settings.kind))?;
-        if let Some(session) = section.optional("session", NAME, name)? {
+        if let Some(session) = section.optional("session", SESSION, name)? {
             settings.session = session;
         }
         let waits = [("spin", Wait::Spin), ("block", Wait::Block)];
@@ -156,10 +159,14 @@ impl BusSettings {
     }
 }
 
-fn name(value: &toml::Value) -> Option<String> {
-    let name = value.as_str()?;
+/// Whether a session can be called so.
+pub fn is_name(text: &str) -> bool {
     let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    (!name.is_empty() && name.len() <= 64 && name.chars().all(fits)).then(|| name.to_owned())
+    !text.is_empty() && text.len() <= 64 && text.chars().all(fits)
+}
+
+fn name(value: &toml::Value) -> Option<String> {
+    value.as_str().filter(|text| is_name(text)).map(str::to_owned)
 }
 
 fn endpoints(section: &Section<'_>, key: &str) -> Result<Option<Vec<String>>, ScenarioError> {

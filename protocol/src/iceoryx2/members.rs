@@ -4,6 +4,7 @@
 
 use std::{
     any::Any,
+    collections::BTreeSet,
     fs::{self, File, OpenOptions, TryLockError},
     os::unix::fs::OpenOptionsExt,
     path::PathBuf,
@@ -11,11 +12,11 @@ use std::{
 
 use super::{domain::Domain, scarcity};
 use crate::{
-    bus::{Attendance, BusError},
+    bus::{Attendance, BusError, Sessions},
     member::Member,
 };
 
-/// The files of one session's members.
+/// The files of members.
 pub struct Members {
     directory: PathBuf,
     /// What the names of their files begin with.
@@ -26,6 +27,29 @@ impl Members {
     pub fn of(domain: &Domain, session: &str) -> Result<Self, BusError> {
         let directory = domain.directory("members")?;
         Ok(Self { directory, prefix: format!("{session}.") })
+    }
+
+    /// Those of every session.
+    pub fn of_all(domain: &Domain) -> Result<Self, BusError> {
+        Ok(Self { directory: domain.directory("members")?, prefix: String::new() })
+    }
+
+    /// What follows the prefix in the names of those who live.
+    fn living(&self) -> Result<Vec<String>, BusError> {
+        let refuse = |error| scarcity::io(&self.directory, &error);
+        let mut names = Vec::new();
+        for entry in fs::read_dir(&self.directory).map_err(refuse)?.flatten() {
+            let name = entry.file_name();
+            let Some(rest) = name.to_str().and_then(|name| name.strip_prefix(&self.prefix)) else {
+                continue;
+            };
+            // The kernel unlocks it when the process dies.
+            let locked = File::open(entry.path()).map(|file| file.try_lock_shared());
+            if matches!(locked, Ok(Err(TryLockError::WouldBlock))) {
+                names.push(rest.to_owned());
+            }
+        }
+        Ok(names)
     }
 
     /// Announces a member. Only inside.
@@ -43,21 +67,16 @@ impl Members {
 
 impl Attendance for Members {
     fn present(&mut self) -> Result<Vec<Member>, BusError> {
-        let refuse = |error| scarcity::io(&self.directory, &error);
-        let mut members = Vec::new();
-        for entry in fs::read_dir(&self.directory).map_err(refuse)?.flatten() {
-            let name = entry.file_name();
-            let text = name.to_str().and_then(|name| name.strip_prefix(&self.prefix));
-            let Some(Ok(member)) = text.map(|text| text.replace('.', "/").parse()) else {
-                continue;
-            };
-            // The kernel unlocks it when the process dies.
-            let locked = File::open(entry.path()).map(|file| file.try_lock_shared());
-            if matches!(locked, Ok(Err(TryLockError::WouldBlock))) {
-                members.push(member);
-            }
-        }
-        Ok(members)
+        let living = self.living()?;
+        Ok(living.iter().filter_map(|name| name.replace('.', "/").parse().ok()).collect())
+    }
+}
+
+impl Sessions for Members {
+    fn names(&mut self) -> Result<BTreeSet<String>, BusError> {
+        let living = self.living()?;
+        let session = |name: &String| Some(name.split_once('.')?.0.to_owned());
+        Ok(living.iter().filter_map(session).collect())
     }
 }
 

@@ -37,7 +37,10 @@ use self::{
     scarcity::failure,
 };
 use crate::{
-    bus::{Attendance, Bus, BusError, Depth, Offering, RECENT_DEPTH, Reader, STREAM_DEPTH, Writer},
+    bus::{
+        Attendance, Bus, BusError, Depth, Offering, RECENT_DEPTH, Reader, STREAM_DEPTH, Sessions,
+        Shared, Writer,
+    },
     member::Member,
     sample::Sample,
 };
@@ -218,6 +221,16 @@ impl Bus for Iceoryx2Bus {
 
     fn attendance(&self) -> Result<Box<dyn Attendance>, BusError> {
         Ok(Box::new(Members::of(&self.domain, &self.session)?))
+    }
+}
+
+impl Shared for Iceoryx2Bus {
+    fn within(&self, session: &str) -> Result<Self, BusError> {
+        Self::open(session)
+    }
+
+    fn sessions(&self) -> Result<Box<dyn Sessions>, BusError> {
+        Ok(Box::new(Members::of_all(&self.domain)?))
     }
 }
 

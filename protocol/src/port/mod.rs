@@ -1,5 +1,6 @@
 //! What each role may say and hear on a bus.
 
+mod bridge;
 mod controller;
 mod lease;
 mod monitor;
@@ -13,6 +14,7 @@ use std::time::Instant;
 use mtj_model::scenario::Scenario;
 
 pub use self::{
+    bridge::{Bridge, Traffic},
     controller::{ControllerPort, Heard},
     monitor::{Message, MonitorPort},
     offer::{Offered, fetch_scenario},

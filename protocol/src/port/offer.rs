@@ -6,7 +6,7 @@ use mtj_model::scenario::Scenario;
 
 use crate::{
     bus::{Bus, BusError},
-    codec,
+    codec::{self, Offer},
     gate::Fault,
     sample::{Header, VERSION},
 };
@@ -94,6 +94,17 @@ pub fn fetch_scenario(
         std::thread::sleep(Duration::from_millis(5));
     }
     Ok(None)
+}
+
+/// An offer as it travels.
+pub(super) fn encode(scenario: &Scenario, run: u64, revision: u32) -> Vec<u8> {
+    codec::encode_offer(&Offer {
+        version: VERSION,
+        revision,
+        run,
+        name: scenario.name.clone(),
+        text: scenario.text().to_owned(),
+    })
 }
 
 /// What a plant offers now; the reason, if that cannot be used.

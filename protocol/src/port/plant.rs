@@ -4,13 +4,12 @@ use std::time::Instant;
 
 use mtj_model::scenario::{Scenario, Wait};
 
-use super::{Answer, Complaints, Exchange, lease::Lease, presence::Presence};
+use super::{Answer, Complaints, Exchange, lease::Lease, offer::encode, presence::Presence};
 use crate::{
     bus::{self, Bus, BusError, Depth, Offering, Reader, Writer},
-    codec::{self, Offer},
     gate::{self, Fault, Gate, Verdict},
     member::{Member, Role},
-    sample::{ChangeSample, RequestSample, StateSample, StatusSample, TorqueSample, VERSION},
+    sample::{ChangeSample, RequestSample, StateSample, StatusSample, TorqueSample},
 };
 
 /// The plant's end: writes states, status and changes, reads torques and requests, offers the scenario.
@@ -97,16 +96,6 @@ struct Asked {
     /// How often: a state is repeated as long as nobody answers it.
     times: u64,
     answers: u64,
-}
-
-fn encode(scenario: &Scenario, run: u64, revision: u32) -> Vec<u8> {
-    codec::encode_offer(&Offer {
-        version: VERSION,
-        revision,
-        run,
-        name: scenario.name.clone(),
-        text: scenario.text().to_owned(),
-    })
 }
 
 impl Exchange for PlantPort {

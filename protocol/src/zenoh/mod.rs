@@ -1,7 +1,7 @@
 //! The bus over Zenoh: between machines, or processes that should not share memory.
 //!
-//! The plant is a Zenoh peer that listens; controllers and monitors are clients that connect to it,
-//! directly or through a router, so that all traffic of a session passes through explicit addresses.
+//! The plant is a Zenoh peer that listens; controllers and monitors are clients that connect to it, or
+//! all connect to a router, so that all traffic of a session passes through explicit addresses.
 //! Samples travel express (no batching), with real-time priority, and are dropped rather than queued
 //! when the network is congested: a late sample is worth less than the next one.
 //!
@@ -21,6 +21,7 @@ mod recovery;
 
 use std::{
     any::Any,
+    collections::BTreeSet,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     thread,
     time::{Duration, Instant},
@@ -28,7 +29,7 @@ use std::{
 
 use mtj_model::scenario::{BusSettings, Wait};
 use zenoh::{
-    Session, Wait as _,
+    Config, Session, Wait as _,
     pubsub::Publisher,
     qos::{CongestionControl, Priority},
     sample::SampleKind,
@@ -36,7 +37,7 @@ use zenoh::{
 
 use self::recovery::Unlingering;
 use crate::{
-    bus::{Attendance, Bus, BusError, Depth, Offering, Reader, Writer},
+    bus::{Attendance, Bus, BusError, Depth, Offering, Reader, Sessions, Shared, Writer},
     codec::{self, LARGEST_SAMPLE},
     mailbox::{Mailbox, MailboxReader},
     member::{Member, Role},
@@ -54,18 +55,41 @@ const DOUBT: Duration = Duration::from_secs(3);
 pub struct ZenohBus {
     session: Session,
     prefix: String,
-    _unlingering: Unlingering,
+    _unlingering: Arc<Unlingering>,
 }
 
 impl ZenohBus {
-    /// Opens a Zenoh session; a role other than the plant tries until somebody answers, as long as
-    /// `proceed` says so.
+    /// Opens a Zenoh session; who does not listen tries until somebody answers, as long as `proceed`
+    /// says so.
     pub fn open(
         settings: &BusSettings,
         role: Role,
         proceed: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, BusError> {
-        let config = config::configure(settings, role)?;
+        Self::connect(config::configure(settings, role)?, settings, role, proceed)
+    }
+
+    /// Opens a session in the place of a plant that is elsewhere.
+    pub fn stand_in(
+        settings: &BusSettings,
+        proceed: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, BusError> {
+        let mut settings = settings.clone();
+        if !config::listens(&settings, Role::Plant) {
+            // A router takes torques from controllers, and from other routers what they pass on.
+            settings.identity.get_or_insert_with(|| "router".to_owned());
+        }
+        let mut config = config::configure(&settings, Role::Plant)?;
+        config::be_patient(&mut config)?;
+        Self::connect(config, &settings, Role::Plant, proceed)
+    }
+
+    fn connect(
+        config: Config,
+        settings: &BusSettings,
+        role: Role,
+        proceed: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, BusError> {
         let mut doubt = settings.certs.is_some().then(|| Instant::now() + DOUBT);
         let session = loop {
             if !proceed() {
@@ -73,7 +97,7 @@ impl ZenohBus {
             }
             match zenoh::open(config.clone()).wait() {
                 Ok(session) => break session,
-                Err(error) if role == Role::Plant => {
+                Err(error) if config::listens(settings, role) => {
                     return Err(BusError::Settings(format!(
                         "bus.listen = {} cannot be listened on, perhaps because the port is in use ({}); \
                          choose another with --listen",
@@ -96,7 +120,7 @@ impl ZenohBus {
         Ok(Some(Self {
             session,
             prefix: format!("mtj/{}", settings.session),
-            _unlingering: Unlingering::begin()?,
+            _unlingering: Arc::new(Unlingering::begin()?),
         }))
     }
 
@@ -200,6 +224,52 @@ impl Bus for ZenohBus {
             .wait()
             .map_err(failure)?;
         Ok(Box::new(ZenohAttendance { members, _keep: subscriber }))
+    }
+}
+
+impl Shared for ZenohBus {
+    fn within(&self, session: &str) -> Result<Self, BusError> {
+        Ok(Self {
+            session: self.session.clone(),
+            prefix: format!("mtj/{session}"),
+            _unlingering: Arc::clone(&self._unlingering),
+        })
+    }
+
+    fn sessions(&self) -> Result<Box<dyn Sessions>, BusError> {
+        let announced = Arc::new(Mutex::new(BTreeSet::new()));
+        let heard = Arc::clone(&announced);
+        let subscriber = self
+            .session
+            .liveliness()
+            .declare_subscriber("mtj/*/member/**")
+            .history(true)
+            .callback(move |sample| {
+                let key = sample.key_expr().as_str().strip_prefix("mtj/");
+                let Some((session, member)) = key.and_then(|key| key.split_once("/member/")) else {
+                    return;
+                };
+                let announcement = (session.to_owned(), member.to_owned());
+                match sample.kind() {
+                    SampleKind::Put => lock(&heard).insert(announcement),
+                    SampleKind::Delete => lock(&heard).remove(&announcement),
+                };
+            })
+            .wait()
+            .map_err(failure)?;
+        Ok(Box::new(ZenohSessions { announced, _keep: subscriber }))
+    }
+}
+
+struct ZenohSessions<K> {
+    /// A session, and a member of it.
+    announced: Arc<Mutex<BTreeSet<(String, String)>>>,
+    _keep: K,
+}
+
+impl<K> Sessions for ZenohSessions<K> {
+    fn names(&mut self) -> Result<BTreeSet<String>, BusError> {
+        Ok(lock(&self.announced).iter().map(|(session, _)| session.clone()).collect())
     }
 }
 

@@ -1,5 +1,6 @@
 //! The subcommands of `mtj`, one file each.
 
+pub mod bridge;
 pub mod certs;
 pub mod export;
 pub mod knob;
