@@ -85,7 +85,11 @@ fn serve_run(
     while proceed() {
         match port.receive(Instant::now() + PATIENCE)? {
             None => {}
-            Some(Heard::OtherRun(_)) => return Ok(()),
+            Some(Heard::OtherRun(state)) => {
+                if port.newer_scenario(bus, &state)?.is_some() {
+                    return Ok(());
+                }
+            }
             Some(Heard::Again(state)) => {
                 if port.is_in_charge(&state) {
                     port.send(&controller.answer_again(&state))?;
