@@ -15,8 +15,13 @@ use std::{
 };
 
 use attack::{Attack, over_iceoryx2, over_zenoh};
+use mtj_protocol::{
+    bus::Bus,
+    iceoryx2::Iceoryx2Bus,
+    sample::{ChangeSample, StateSample, StatusSample},
+};
 use serde_json::Value;
-use session::{Running, Session, free_port};
+use session::{Running, Session, eventually, free_port};
 
 /// Messages a second: a hundred times as many as the loop's.
 const RATE: u64 = 10_000;
@@ -121,6 +126,18 @@ fn a_real_time_run_is_as_accurate(bus: &str, attack: Begin) {
 #[test]
 fn hostile_bytes_over_zenoh_leave_a_lockstep_run_bit_for_bit_the_same() {
     a_lockstep_run_stays_the_same("zenoh", over_zenoh);
+}
+
+#[test]
+fn nobody_writes_what_the_plant_writes_in_shared_memory() {
+    let session = Session::on("iceoryx2");
+    let mut plant = session.start("plant --set duration=1h");
+    let bus = Iceoryx2Bus::open(&session.name).unwrap();
+    eventually("a plant", || bus.fetch().unwrap());
+    assert!(bus.writer::<StateSample>().is_err());
+    assert!(bus.writer::<StatusSample>().is_err());
+    assert!(bus.writer::<ChangeSample>().is_err());
+    assert!(!plant.has_ended());
 }
 
 #[test]
