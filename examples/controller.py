@@ -116,8 +116,8 @@ def serve(session, name):
     """Answers states as long as the process lives."""
     key, me = f"mtj/{name}", secrets.randbelow(2**64 - 1) + 1
     states = session.declare_subscriber(f"{key}/state", zenoh.handlers.RingChannel(1))
-    torques = session.declare_publisher(
-        f"{key}/torque", express=True, priority=zenoh.Priority.REAL_TIME, congestion_control=zenoh.CongestionControl.DROP)
+    torques = session.declare_publisher(f"{key}/torque", express=True, priority=zenoh.Priority.REAL_TIME,
+                                        congestion_control=zenoh.CongestionControl.DROP)
     # Who is announced can be put in charge, and stands by for others until then.
     token = session.liveliness().declare_token(f"{key}/member/controller/{me}/0/{time.time_ns()}")
     known, law, answered, answer = None, None, None, None
@@ -129,11 +129,11 @@ def serve(session, name):
         version, joints, axes, revision, run, sequence, time_ns, sent_ns, _, _, _, leader, timed_out = fields[:13]
         if version != VERSION or not all(map(math.isfinite, fields[13:])):
             continue
-        if known != (run, revision):  # Another plant, or a knob was turned: what is remembered goes only with the plant.
+        if known is None or known[0] != run or known[1] < revision:  # Another plant, or a knob was turned.
             offer = fetch(session, f"{key}/scenario")
             if offer is None or offer[0][0] != run or offer[0][1] < revision:
                 continue
-            if known is not None and known[0] == run:
+            if known is not None and known[0] == run:  # What is remembered goes only with the plant.
                 offer[1].is_first, offer[1].step, offer[1].sent = law.is_first, law.step, law.sent
             known, law = offer
         if answered != (run, sequence):  # One that comes again is answered as before.

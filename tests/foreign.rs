@@ -72,7 +72,8 @@ fn a_controller_in_another_language_closes_the_loop_with_the_same_trajectory() {
 
         let session = Session::on("local");
         let endpoint = format!("tcp/127.0.0.1:{}", free_port());
-        let (trace, errors) = (session.directory.join("trace.csv"), session.directory.join("py.err"));
+        let (trace, errors) =
+            (session.directory.join("trace.csv"), session.directory.join("py.err"));
         let plant = format!(
             "plant --json {settings} --trace trace.csv --session {} --listen {endpoint}",
             session.name

@@ -66,7 +66,8 @@ fn wait_long(plant: &mut Running) -> std::process::ExitStatus {
 
 fn a_lockstep_run_stays_the_same(bus: &str, attack: Begin) {
     let plant = "plant --json --scenario sampled/mtj --set timing.clock=lockstep --set duration=60s --trace trace.csv";
-    let trace = |session: &Session| fs::read_to_string(session.directory.join("trace.csv")).unwrap();
+    let trace =
+        |session: &Session| fs::read_to_string(session.directory.join("trace.csv")).unwrap();
     let (quiet, report, _) = run(bus, plant, None);
     assert_eq!(report["commands"]["rejected"], 0);
     let (mut sent, mut rejected, mut runs) = (0, 0, 0);
@@ -78,7 +79,9 @@ fn a_lockstep_run_stays_the_same(bus: &str, attack: Begin) {
         runs += 1;
     }
     assert!(rejected > 0, "{bus}: what was ignored was counted");
-    eprintln!("lockstep over {bus}: {sent} messages in {runs} runs, {rejected} torques rejected, the same trajectory");
+    eprintln!(
+        "lockstep over {bus}: {sent} messages in {runs} runs, {rejected} torques rejected, the same trajectory"
+    );
 }
 
 fn a_real_time_run_is_as_accurate(bus: &str, attack: Begin) {
@@ -114,7 +117,8 @@ fn a_real_time_run_is_as_accurate(bus: &str, attack: Begin) {
         assert!(disturbed["commands"]["rejected"].as_u64().unwrap() > 0, "{disturbed}");
         assert_eq!(disturbed["diverged"], false);
         // What the machine withholds from either run, no program can make good.
-        let kept_up = |report: &Value| report["deadline_misses"] == 0 && report["commands"]["late"] == 0;
+        let kept_up =
+            |report: &Value| report["deadline_misses"] == 0 && report["commands"]["late"] == 0;
         if change.abs() <= 0.05 {
             return;
         }

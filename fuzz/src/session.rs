@@ -4,10 +4,10 @@ use std::{
     cell::RefCell,
     fs,
     path::{Path, PathBuf},
-    sync::Arc,
+    sync::{Arc, OnceLock},
 };
 
-use mtj_model::scenario::{Scenario, built_in};
+use mtj_model::scenario::Scenario;
 use mtj_monitor::{
     monitor::Audience,
     overview::Overview,
@@ -42,7 +42,9 @@ pub fn session(data: &[u8]) {
         };
         rest = &bytes[used..];
         let Some(message) = message else { continue };
-        same_in_json(&message);
+        if !matches!(message, Message::Scenario(_)) {
+            same_in_json(&message);
+        }
         overview.hear(&message);
         timeline.place(&message, 1 << 60);
         dashboards.hear(&message);
@@ -68,11 +70,11 @@ fn sample<S: Sample>(bytes: &[u8], message: fn(S) -> Message) -> (Option<Message
 fn scenario(bytes: &[u8]) -> (Option<Message>, usize) {
     let Some((number, _)) = bytes.split_first_chunk::<9>() else { return (None, bytes.len()) };
     let (run, revision) = number.split_at(8);
-    let text = built_in("sampled/mtj").unwrap_or_default();
-    let scenario = Scenario::parse("sampled/mtj", text, &[]).ok();
+    static SCENARIO: OnceLock<Option<Scenario>> = OnceLock::new();
+    let scenario = SCENARIO.get_or_init(|| Scenario::load("sampled/mtj", &[]).ok());
     let run = run.try_into().map_or(0, u64::from_le_bytes);
     let revision = u32::from(revision[0]);
-    let offered = scenario.map(|scenario| Arc::new(Offered { run, revision, scenario }));
+    let offered = scenario.clone().map(|scenario| Arc::new(Offered { run, revision, scenario }));
     (offered.map(Message::Scenario), 9)
 }
 

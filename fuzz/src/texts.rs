@@ -37,10 +37,8 @@ pub fn scenario(data: &[u8]) {
 }
 
 fn with_sets(data: &[u8]) -> Option<(&str, Vec<Override>)> {
-    let (text, sets) = str::from_utf8(data).ok()?.split_once('\0').unwrap_or((
-        str::from_utf8(data).ok()?,
-        "",
-    ));
+    let (text, sets) =
+        str::from_utf8(data).ok()?.split_once('\0').unwrap_or((str::from_utf8(data).ok()?, ""));
     Some((text, sets.lines().filter_map(|line| line.parse().ok()).collect()))
 }
 

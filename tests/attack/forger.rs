@@ -49,7 +49,8 @@ impl Forger {
 
     /// A number below `bound`, from a congruential generator.
     pub fn below(&mut self, bound: u64) -> u64 {
-        self.random = self.random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        self.random =
+            self.random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (self.random >> 33) % bound
     }
 

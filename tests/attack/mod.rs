@@ -19,9 +19,7 @@ use mtj_protocol::{
     bus::{Bus, BusError, Depth, Reader, Writer},
     codec::{self, LARGEST_SAMPLE},
     iceoryx2::Iceoryx2Bus,
-    sample::{
-        ErrorSample, PresenceSample, RequestSample, Sample, StateSample, TorqueSample,
-    },
+    sample::{ErrorSample, PresenceSample, RequestSample, Sample, StateSample, TorqueSample},
 };
 use zenoh::Wait as _;
 
@@ -149,7 +147,8 @@ pub fn over_iceoryx2(name: &str, _endpoint: &str) -> Attack {
         let bus = Iceoryx2Bus::open(&name).unwrap();
         let mut forger = Forger::new(2);
         let mut torques = Door::<TorqueSample>::open(&bus).unwrap();
-        let mut states: Box<dyn Reader<StateSample>> = bus.reader(Depth::Stream, Wait::Spin).unwrap();
+        let mut states: Box<dyn Reader<StateSample>> =
+            bus.reader(Depth::Stream, Wait::Spin).unwrap();
         while proceed() && !forger.knows_the_loop() {
             if let Some(torque) = torques.reader.take().unwrap() {
                 forger.hear("torque", codec::encode(&torque, &mut [0; LARGEST_SAMPLE]));
