@@ -74,7 +74,7 @@ pub fn serve(
     Ok(())
 }
 
-/// Answers the states of one run; returns when another run's appear.
+/// Answers the states of one run; returns when another run's appear, or when all must begin anew.
 fn serve_run(
     bus: &impl Bus,
     port: &mut ControllerPort,
@@ -85,7 +85,12 @@ fn serve_run(
     while proceed() {
         match port.receive(Instant::now() + PATIENCE)? {
             None => {}
-            Some(Heard::OtherRun(_)) => return Ok(()),
+            Some(Heard::Misled) => return Ok(()),
+            Some(Heard::OtherRun(state)) => {
+                if port.newer_scenario(bus, &state)?.is_some() {
+                    return Ok(());
+                }
+            }
             Some(Heard::Again(state)) => {
                 if port.is_in_charge(&state) {
                     port.send(&controller.answer_again(&state))?;

@@ -217,7 +217,7 @@ impl Overview {
     fn hear_state(&mut self, state: &StateSample) {
         if let Some(before) = &self.state {
             let steps = state.header.sequence.saturating_sub(before.header.sequence);
-            self.missed += steps.saturating_sub(1);
+            self.missed = self.missed.saturating_add(steps.saturating_sub(1));
             if steps > 0 && tells_of_another_torque(before, state) {
                 self.round_trips.record(state.round_trip_ns);
                 self.residence.record(state.residence_ns);
@@ -325,9 +325,10 @@ pub fn tells_of_another_torque(before: &StateSample, state: &StateSample) -> boo
 /// By how much the time between two successive states, as sent, differs from the sample period, ns.
 pub fn period_deviation_ns(before: &StateSample, state: &StateSample) -> Option<i64> {
     let is_next = state.header.run == before.header.run
-        && state.header.sequence == before.header.sequence + 1;
-    let period = state.header.time_ns as i64 - before.header.time_ns as i64;
+        && Some(state.header.sequence) == before.header.sequence.checked_add(1);
+    let since = |ns: u64, before: u64| ns.wrapping_sub(before) as i64;
+    let period = since(state.header.time_ns, before.header.time_ns);
     // Sequence 0 is repeated until a controller answers; its stamp is of the last time.
     (is_next && before.header.sequence > 0)
-        .then(|| state.sent_ns as i64 - before.sent_ns as i64 - period)
+        .then(|| since(state.sent_ns, before.sent_ns).wrapping_sub(period))
 }

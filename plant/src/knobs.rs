@@ -79,7 +79,7 @@ impl Plant<'_> {
                 self.advance(time_ns);
                 self.knobs.kicks += 1;
                 self.simulator.disturb(padded(&torque));
-                let end = time_ns + (milliseconds * 1e6) as u64;
+                let end = time_ns + (milliseconds * 1e6).round() as u64;
                 self.agenda.push(end, Event::Calm(self.knobs.kicks));
             }
         }

@@ -39,6 +39,9 @@ enum Delay {
     },
 }
 
+/// The longest latency, s, longer than any run: a distribution may have no bounds, the run's time has.
+const LONGEST: f64 = 1e9;
+
 /// Which of the two directions: each has random numbers of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
@@ -105,7 +108,9 @@ impl Link {
         };
         let latency = match seconds {
             None => self.latency,
-            Some(seconds) => Duration::from_nanos((seconds.max(0.0) * 1e9).round() as u64),
+            Some(seconds) => {
+                Duration::from_nanos((seconds.clamp(0.0, LONGEST) * 1e9).round() as u64)
+            }
         };
         (!self.loses()).then_some(latency)
     }

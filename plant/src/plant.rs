@@ -31,6 +31,8 @@ const RENDEZVOUS: Duration = Duration::from_millis(20);
 const REPEAT: Duration = Duration::from_millis(200);
 /// How often to look whether to go on.
 const PATIENCE: Duration = Duration::from_millis(100);
+/// For how many samples of a trace there is room from the beginning; a longer one grows.
+const TRACED: u128 = 1 << 20;
 /// How often monitors are told the truth, in the run's time, ns.
 const STATUS_PERIOD_NS: u64 = 20_000_000;
 
@@ -130,7 +132,7 @@ impl<'a> Plant<'a> {
             ledger: Ledger::new(),
             next_status_ns: 0,
             measures: Measures::new(scenario),
-            trace: Vec::with_capacity(if watch.trace { samples as usize } else { 0 }),
+            trace: Vec::with_capacity(if watch.trace { samples.min(TRACED) as usize } else { 0 }),
             diverged: false,
             stopped: false,
         })

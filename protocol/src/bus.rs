@@ -52,14 +52,15 @@ pub trait Sessions {
 pub enum Depth {
     /// The newest sample: what a control loop wants.
     Latest,
-    /// The newest few, as promptly: what a plant wants, to whom several may write of whom one is meant.
+    /// The newest few, as promptly: what the ends of a loop want, to whom others may write whom they do not
+    /// mean, and faster than they listen.
     Recent,
     /// Every sample in order, as long as the reader is emptied within [`STREAM_DEPTH`] samples.
     Stream,
 }
 
 /// How many samples [`Depth::Recent`] keeps.
-pub const RECENT_DEPTH: usize = 16;
+pub const RECENT_DEPTH: usize = 1024;
 
 /// How many samples a stream holds for a reader that is busy.
 pub const STREAM_DEPTH: usize = 4096;
@@ -81,6 +82,8 @@ pub trait Reader<S> {
     fn pause(&self) {
         std::hint::spin_loop();
     }
+    /// Whether there is another sample already.
+    fn has_more(&self) -> bool;
     /// How many messages on the topic were no samples.
     fn malformed(&self) -> u64;
 }

@@ -1,6 +1,6 @@
 //! The edge: what passed a gate needs no more checks inside.
 
-use mtj_model::{MAX_AXES, MAX_JOINTS};
+use mtj_model::{MAX_AXES, MAX_JOINTS, PLANE};
 
 use crate::sample::{Sample, VERSION};
 
@@ -24,6 +24,8 @@ pub enum Fault {
     Malformed,
     /// From another incarnation of the plant, or for one.
     Run,
+    /// About an arm with another number of joints or task axes.
+    Arm,
     /// Not finite.
     NotFinite,
     /// Older than the newest.
@@ -43,6 +45,7 @@ impl Fault {
             Self::Version => "it speaks another protocol version; run the same mtj on all machines",
             Self::Malformed => "it is not a sample",
             Self::Run => "it belongs to another run of the plant",
+            Self::Arm => "it is about an arm with another number of joints",
             Self::NotFinite => "it holds a number that is not finite",
             Self::Stale => "it is older than the newest one",
             Self::Duplicate => "it was heard before",
@@ -56,6 +59,7 @@ impl Fault {
 #[derive(Clone, Copy, Debug)]
 pub struct Gate {
     run: u64,
+    arm: Option<(u32, u32)>,
     newest: Option<u64>,
     refused: u64,
 }
@@ -63,7 +67,12 @@ pub struct Gate {
 impl Gate {
     /// A gate for the samples of `run`.
     pub fn new(run: u64) -> Self {
-        Self { run, newest: None, refused: 0 }
+        Self { run, arm: None, newest: None, refused: 0 }
+    }
+
+    /// The same gate, which lets only samples about an arm with so many joints pass.
+    pub fn for_arm(self, joints: usize) -> Self {
+        Self { arm: Some((joints as u32, PLANE as u32)), ..self }
     }
 
     /// Judges a sample and, if it is fresh, remembers it as the newest.
@@ -71,6 +80,11 @@ impl Gate {
         let header = sample.header();
         let fault = match fault(sample) {
             None | Some(Fault::NotFinite) if header.run != self.run => Some(Fault::Run),
+            None | Some(Fault::NotFinite)
+                if self.arm.is_some_and(|arm| arm != (header.joints, header.axes)) =>
+            {
+                Some(Fault::Arm)
+            }
             other => other,
         };
         if let Some(fault) = fault {

@@ -28,6 +28,8 @@ pub enum Knob {
     },
 }
 
+/// The shortest kick, ms: a nanosecond.
+const SHORTEST_KICK: f64 = 1e-6;
 /// The longest kick, ms.
 const LONGEST_KICK: f64 = 60_000.0;
 
@@ -46,7 +48,7 @@ impl Knob {
             Self::Kick { torque, milliseconds } => {
                 let is_torque = (1..=MAX_JOINTS).contains(&torque.len())
                     && torque.iter().all(|torque| torque.is_finite());
-                let is_short = *milliseconds > 0.0 && *milliseconds <= LONGEST_KICK;
+                let is_short = *milliseconds >= SHORTEST_KICK && *milliseconds <= LONGEST_KICK;
                 (!is_torque || !is_short).then(|| {
                     format!(
                         "a kick is a torque in N m for each of up to {MAX_JOINTS} joints, for more \
@@ -74,7 +76,7 @@ impl Knob {
             Self::Set(sets) => request.text = text(&sets.join("\n")),
             Self::Kick { torque, milliseconds } => {
                 request.torque = padded(torque);
-                request.duration_ns = (milliseconds * 1e6) as u64;
+                request.duration_ns = (milliseconds * 1e6).round() as u64;
             }
             Self::Pause | Self::Resume | Self::Reset => {}
         }

@@ -87,6 +87,10 @@ impl<S: Sample, K> Reader<S> for MailboxReader<S, K> {
         std::thread::yield_now();
     }
 
+    fn has_more(&self) -> bool {
+        !self.mailbox.lock().queue.is_empty()
+    }
+
     fn malformed(&self) -> u64 {
         self.mailbox.lock().malformed
     }

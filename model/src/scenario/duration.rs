@@ -27,12 +27,13 @@ pub fn parse(text: &str) -> Option<Duration> {
     (0.0..1e18).contains(&nanoseconds).then(|| Duration::from_nanos(nanoseconds.round() as u64))
 }
 
-/// Writes a duration in the largest unit that keeps it a short number.
+/// Writes a duration in the largest unit that keeps it a short number and is read back the same.
 pub fn format(duration: Duration) -> String {
     let nanoseconds = duration.as_nanos() as f64;
     let unit = ["s", "ms", "us"].into_iter().find_map(|name| {
         let length = UNITS.iter().find(|(unit, _)| *unit == name)?.1;
-        (nanoseconds >= length).then_some((name, length))
+        let comes_back = (nanoseconds / length * length).round() == nanoseconds;
+        (nanoseconds >= length && comes_back).then_some((name, length))
     });
     match unit {
         Some((name, length)) => format!("{} {name}", nanoseconds / length),
@@ -65,7 +66,17 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_back() {
-        for nanoseconds in [0, 7, 1_500, 500_000, 10_000_000, 20_000_000_000] {
+        for nanoseconds in [
+            0,
+            7,
+            1_500,
+            500_000,
+            10_000_000,
+            20_000_000_000,
+            // So long that a nanosecond is all that a float tells apart, or less.
+            10_800_000_000_000_002,
+            123_456_789_012_345_680,
+        ] {
             let duration = Duration::from_nanos(nanoseconds);
             assert_eq!(parse(&format(duration)), Some(duration));
         }

@@ -194,6 +194,9 @@ impl FactorSettings {
     }
 }
 
+/// The longest memory step, in sample periods: the plant keeps a few numbers for each of them.
+const LONGEST_STEP: u128 = 100_000;
+
 impl MemorySettings {
     fn read(section: Option<Section<'_>>, sample_period: Duration) -> Result<Self, ScenarioError> {
         let mut settings = Self { policy: MemoryPolicy::Sent, step: sample_period };
@@ -205,9 +208,12 @@ impl MemorySettings {
         ];
         settings.policy = section.choice("policy", &policies, Some(settings.policy))?;
         settings.step = section.duration("step", sample_period, Some(sample_period))?;
-        if !settings.step.as_nanos().is_multiple_of(sample_period.as_nanos()) {
+        let (step, period) = (settings.step.as_nanos(), sample_period.as_nanos());
+        if !step.is_multiple_of(period) || step / period > LONGEST_STEP {
             let period = super::duration::format(sample_period);
-            let expected = format!("a whole multiple of timing.sample_period = {period}");
+            let expected = format!(
+                "a whole multiple of timing.sample_period = {period}, at most {LONGEST_STEP} times it"
+            );
             return Err(section.refuse("step", expected));
         }
         section.finish()?;

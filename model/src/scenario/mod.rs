@@ -90,10 +90,13 @@ impl Override {
 }
 
 impl std::fmt::Display for Override {
-    /// As it would be written behind `--set`.
+    /// As it would be written behind `--set`: quotes are left out unless the text would be read as
+    /// something else without them.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match &self.value {
-            Value::String(text) => write!(f, "{}={text}", self.path),
+            Value::String(text) if read_value(text) == self.value => {
+                write!(f, "{}={text}", self.path)
+            }
             value => write!(f, "{}={value}", self.path),
         }
     }
@@ -112,16 +115,19 @@ impl std::str::FromStr for Override {
             expected: "KEY=VALUE, like law.memory.policy=delivered".to_owned(),
         };
         let (path, value) = text.split_once('=').ok_or_else(refuse)?;
-        let (path, value) = (path.trim(), value.trim());
+        let path = path.trim();
         if path.is_empty() {
             return Err(refuse());
         }
-        let parsed = toml::from_str::<Table>(&format!("value = {value}")).ok();
-        let value = parsed
-            .and_then(|mut table| table.remove("value"))
-            .unwrap_or_else(|| Value::String(value.to_owned()));
-        Ok(Self { path: path.to_owned(), value })
+        Ok(Self { path: path.to_owned(), value: read_value(value) })
     }
+}
+
+/// A TOML value; what is none is a string.
+fn read_value(text: &str) -> Value {
+    let text = text.trim();
+    let mut parsed = toml::from_str::<Table>(&format!("value = {text}")).unwrap_or_default();
+    parsed.remove("value").unwrap_or_else(|| Value::String(text.to_owned()))
 }
 
 impl Scenario {

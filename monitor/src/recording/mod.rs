@@ -23,7 +23,7 @@ mod timeline;
 mod topic;
 
 pub use self::{
-    json::write as write_json,
+    json::{read as read_json, write as write_json},
     player::Player,
     reading::{Recorded, Recording},
     recorder::Recorder,

@@ -40,7 +40,7 @@ impl Timeline {
         match header(message) {
             // What is wished for has no place in the run, nor what belongs to another run.
             Some(header) if self.run == Some(header.run) && !is_request(message) => {
-                self.began_ns + header.time_ns
+                self.began_ns.saturating_add(header.time_ns)
             }
             _ => now_ns,
         }

@@ -28,7 +28,11 @@ mod page;
 mod series;
 mod server;
 
-use std::{io, net::TcpListener, thread};
+use std::{
+    io,
+    net::{SocketAddr, TcpListener},
+    thread,
+};
 
 use clap::Args;
 use mtj_model::scenario::BusSettings;
@@ -127,6 +131,11 @@ pub struct Reception {
 }
 
 impl Reception {
+    /// Where it listens, once a port was found.
+    pub fn address(&self) -> io::Result<SocketAddr> {
+        self.listener.local_addr()
+    }
+
     /// Serves a dashboard of a bus, with knobs if they are wanted, to what it adds to an audience.
     pub fn join<'a>(
         self,

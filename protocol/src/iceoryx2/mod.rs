@@ -280,6 +280,10 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
         Ok(())
     }
 
+    fn has_more(&self) -> bool {
+        self.subscriber.has_samples().unwrap_or(false)
+    }
+
     fn malformed(&self) -> u64 {
         0 // Shared memory is typed: whoever disagrees about the layout cannot open the service.
     }

@@ -1,6 +1,6 @@
 //! A controller's end of the bus.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use mtj_model::scenario::Wait;
 
@@ -15,6 +15,9 @@ use crate::{
 /// How many states in a row may be older than the newest. No network reorders so many; the newest was
 /// none of the plant's, but damaged on its way.
 const STALE: u32 = 10;
+/// How long our own plant must be quiet before another run counts: a plant that was restarted says nothing under
+/// its old run, and what others say beside it is not for us.
+const QUIET: Duration = Duration::from_millis(20);
 
 /// What a controller hears.
 pub enum Heard {
@@ -22,9 +25,10 @@ pub enum Heard {
     State(StateSample),
     /// The state it has answered already, once more: the plant wants that answer again.
     Again(StateSample),
-    /// A state of a plant with another scenario than the one it has, or one that does not fit what was
-    /// heard before: time to begin anew.
-    OtherRun(u64),
+    /// A state of another run, when none of our own came for a while: the plant may have been restarted.
+    OtherRun(StateSample),
+    /// States of our plant that are older than one that was none of its: time to begin anew.
+    Misled,
 }
 
 /// A controller's end: reads states, writes torques and errors.
@@ -34,6 +38,8 @@ pub struct ControllerPort {
     errors: Box<dyn Writer<ErrorSample>>,
     presence: Presence,
     newest: Option<Header>,
+    /// When a state of our run came last.
+    heard: Instant,
     scenario: Follower,
     wait: Wait,
     gate: Gate,
@@ -51,13 +57,14 @@ impl ControllerPort {
         wait: Wait,
     ) -> Result<Self, BusError> {
         Ok(Self {
-            states: bus.reader(Depth::Latest, wait)?,
+            states: bus.reader(Depth::Recent, wait)?,
             torques: bus.writer()?,
             errors: bus.writer()?,
             presence: Presence::open(bus, member)?,
             newest: None,
+            heard: Instant::now(),
             wait,
-            gate: Gate::new(offered.run),
+            gate: Gate::new(offered.run).for_arm(offered.scenario.arm.links.len()),
             stale: 0,
             scenario: Follower::knowing(offered),
             complaints: Complaints::default(),
@@ -65,24 +72,28 @@ impl ControllerPort {
         })
     }
 
-    /// The next acceptable state, waiting for it until `until`.
+    /// The newest acceptable state, waiting for one until `until`.
     pub fn receive(&mut self, until: Instant) -> Result<Option<Heard>, BusError> {
         while let Some(state) = bus::receive(&mut *self.states, self.wait, until)? {
-            match self.gate.judge(&state) {
-                Verdict::Fresh => {
-                    self.stale = 0;
-                    self.newest = Some(state.header);
-                    return Ok(Some(Heard::State(state)));
+            let mut heard = self.judge(state);
+            // At most as many as can wait: whoever writes faster must not hold us for ever.
+            for _ in 0..bus::RECENT_DEPTH {
+                if !self.states.has_more() {
+                    break;
                 }
-                Verdict::Repeated => return Ok(Some(Heard::Again(state))),
-                Verdict::Refused(Fault::Run) => return Ok(Some(Heard::OtherRun(state.header.run))),
-                Verdict::Refused(fault) => {
-                    self.complaints.once::<StateSample>(fault);
-                    self.stale += u32::from(fault == Fault::Stale);
-                    if self.stale > STALE {
-                        return Ok(Some(Heard::OtherRun(state.header.run)));
-                    }
-                }
+                let Some(state) = self.states.take()? else { break };
+                heard = match (self.judge(state), heard) {
+                    // Somebody else's says nothing beside one of our plant's.
+                    (None | Some(Heard::OtherRun(_)), Some(heard)) => Some(heard),
+                    // What was not answered is not repeated.
+                    (Some(Heard::Again(state)), Some(Heard::State(_))) => Some(Heard::State(state)),
+                    (newer, _) => newer,
+                };
+            }
+            match heard {
+                None if Instant::now() >= until => break,
+                None => {}
+                heard => return Ok(heard),
             }
         }
         // A plant that pauses is no reason to be taken for dead.
@@ -90,6 +101,29 @@ impl ControllerPort {
             self.presence.tell(&header)?;
         }
         Ok(None)
+    }
+
+    fn judge(&mut self, state: StateSample) -> Option<Heard> {
+        match self.gate.judge(&state) {
+            Verdict::Fresh => {
+                self.newest = Some(state.header);
+                self.heard = Instant::now();
+                self.stale = 0;
+                Some(Heard::State(state))
+            }
+            Verdict::Repeated => {
+                self.heard = Instant::now();
+                Some(Heard::Again(state))
+            }
+            Verdict::Refused(Fault::Run) if self.heard.elapsed() > QUIET => {
+                Some(Heard::OtherRun(state))
+            }
+            Verdict::Refused(fault) => {
+                self.complaints.once::<StateSample>(fault);
+                self.stale += u32::from(fault == Fault::Stale);
+                (self.stale > STALE).then_some(Heard::Misled)
+            }
+        }
     }
 
     /// The scenario, if it was changed before `state` was measured and we have not got it yet. If it

@@ -43,7 +43,7 @@ impl PlantPort {
             offering: bus.offer(encode(scenario, run, 0))?,
             wait,
             run,
-            gate: Gate::new(run),
+            gate: Gate::new(run).for_arm(scenario.arm.links.len()),
             lease: Lease::new(scenario.safety.lease, bus.attendance()?),
             asked: Asked::default(),
             complaints: Complaints::default(),
@@ -53,7 +53,7 @@ impl PlantPort {
     /// Begins another run on the same bus.
     pub fn restart(&mut self, scenario: &Scenario, run: u64) -> Result<(), BusError> {
         self.run = run;
-        self.gate = Gate::new(run);
+        self.gate = Gate::new(run).for_arm(scenario.arm.links.len());
         self.asked = Asked::default();
         self.lease.restart();
         self.renew(scenario, 0)
@@ -121,6 +121,10 @@ impl Exchange for PlantPort {
                     }
                 }
             }
+            // Whoever writes faster than we listen must not hold us for ever.
+            if Instant::now() >= until {
+                break;
+            }
         }
         Ok(None)
     }
@@ -132,7 +136,8 @@ impl Exchange for PlantPort {
     }
 
     fn request(&mut self) -> Result<Option<RequestSample>, BusError> {
-        while let Some(request) = self.requests.take()? {
+        for _ in 0..bus::STREAM_DEPTH {
+            let Some(request) = self.requests.take()? else { break };
             match gate::fault(&request) {
                 None if request.header.run == self.run => return Ok(Some(request)),
                 None => self.complaints.once::<RequestSample>(Fault::Run),

@@ -32,6 +32,7 @@ use zenoh::{
     Config, Session, Wait as _,
     pubsub::Publisher,
     qos::{CongestionControl, Priority},
+    query::{ConsolidationMode, QueryTarget},
     sample::SampleKind,
 };
 
@@ -182,16 +183,23 @@ impl Bus for ZenohBus {
         let replies = self
             .session
             .get(self.key("scenario"))
+            .target(QueryTarget::All)
+            .consolidation(ConsolidationMode::None)
             .timeout(QUERY_TIMEOUT)
             .wait()
             .map_err(failure)?;
         let end = Instant::now() + QUERY_TIMEOUT;
+        let mut other = None;
         while let Ok(Some(reply)) = replies.recv_deadline(end) {
-            if let Ok(sample) = reply.result() {
-                return Ok(Some(sample.payload().to_bytes().into_owned()));
+            let Ok(sample) = reply.result() else { continue };
+            // Anybody may answer; what is no offer is the best there is only if nobody has one.
+            let bytes = sample.payload().to_bytes().into_owned();
+            if codec::decode_offer(&bytes).is_some() {
+                return Ok(Some(bytes));
             }
+            other = Some(bytes);
         }
-        Ok(None)
+        Ok(other)
     }
 
     fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError> {

@@ -27,6 +27,9 @@ pub struct Position {
     pub set: Vec<Override>,
 }
 
+/// More values than anybody means an axis to have.
+const MOST_POSITIONS: usize = 1_000_000;
+
 impl Axis {
     /// Reads a table `{name, key, values | from, to, count, scale}` or `{name, variants}`.
     pub fn read(section: Section<'_>) -> Result<Self, ScenarioError> {
@@ -65,8 +68,10 @@ impl Axis {
         let scale = section.choice("scale", &[("linear", false), ("log", true)], Some(false))?;
         if let Some(from) = section.optional("from", "the first value of a range", Some)? {
             let to = section.required("to", "the last value of the range", Some)?;
-            let count = section.required("count", "how many values, 2 or more", |value| {
-                usize::try_from(value.as_integer()?).ok().filter(|count| *count >= 2)
+            let expected = format!("how many values, 2 to {MOST_POSITIONS}");
+            let count = section.required("count", &expected, |value| {
+                let count = usize::try_from(value.as_integer()?).ok()?;
+                (2..=MOST_POSITIONS).contains(&count).then_some(count)
             })?;
             positions.extend(Range::read(section, from, to, scale)?.positions(key, count));
         }

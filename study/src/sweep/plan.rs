@@ -78,17 +78,20 @@ impl Plan {
             set: root
                 .optional("set", "a table of keys and values", axis::overrides)?
                 .unwrap_or_default(),
-            axes: root
-                .sections("axes", "one axis or more")?
-                .into_iter()
-                .map(Axis::read)
-                .collect::<Result<_, _>>()?,
+            axes: Vec::new(),
             text: text.to_owned(),
         };
+        let count = || origin.refuse(format!("expected axes that make 1 to {MOST_POINTS} points"));
+        for axis in root.sections("axes", "one axis or more")? {
+            plan.axes.push(Axis::read(axis)?);
+            if plan.len() > MOST_POINTS {
+                return Err(count());
+            }
+        }
         root.finish()?;
         plan.set.extend(set.iter().cloned());
-        if plan.axes.is_empty() || plan.len() > MOST_POINTS {
-            return Err(origin.refuse(format!("expected axes that make 1 to {MOST_POINTS} points")));
+        if plan.axes.is_empty() || plan.is_empty() {
+            return Err(count());
         }
         // What is wrong everywhere is said at once; what is wrong at one point is recorded there.
         match (plan.scenario(0), plan.scenario(plan.len() - 1)) {
