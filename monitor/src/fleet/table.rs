@@ -157,6 +157,8 @@ fn cells(row: &Row) -> Vec<String> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by it")]
 mod tests {
+    use std::num::NonZero;
+
     use super::*;
 
     fn row(session: &str, alarm: Option<&str>) -> Row {
@@ -167,7 +169,8 @@ mod tests {
     /// What a terminal shows after some tables, row by row, and the colour of each row's first letter.
     fn seen(tables: &[&[Row]], size: (u16, u16)) -> Vec<(String, vt100::Color)> {
         let mut table = Table { out: Vec::new(), is_terminal: true, is_coloured: true, shown: 0 };
-        let mut terminal = vt100::Parser::new(size.1, size.0, 0);
+        let cells = |count| NonZero::new(count).unwrap();
+        let mut terminal = vt100::Parser::new(cells(size.1), cells(size.0), 0);
         for rows in tables {
             let room = (size.0.into(), usize::from(size.1) - 1);
             let text = table.text(rows, &"*".parse().unwrap(), Some(room));

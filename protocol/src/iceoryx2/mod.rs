@@ -281,7 +281,7 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
     }
 
     fn has_more(&self) -> bool {
-        self.subscriber.has_samples().unwrap_or(false)
+        self.0.subscriber.has_samples().unwrap_or(false)
     }
 
     fn malformed(&self) -> u64 {
