@@ -65,7 +65,7 @@ fn wait_long(plant: &mut Running) -> std::process::ExitStatus {
 }
 
 fn a_lockstep_run_stays_the_same(bus: &str, attack: Begin) {
-    let plant = "plant --json --scenario sampled/mtj --set timing.clock=lockstep --set duration=60s --trace trace.csv";
+    let plant = "plant --json --scenario sampled/mtj --set timing.clock=lockstep --set duration=600s --trace trace.csv";
     let trace =
         |session: &Session| fs::read_to_string(session.directory.join("trace.csv")).unwrap();
     let (quiet, report, _) = run(bus, plant, None);

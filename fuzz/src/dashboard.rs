@@ -3,7 +3,7 @@
 use std::{
     io::{Read, Write},
     net::{Shutdown, SocketAddr, TcpStream},
-    sync::{Mutex, MutexGuard, OnceLock, PoisonError},
+    sync::{Mutex, OnceLock},
     time::Duration,
 };
 
@@ -30,14 +30,10 @@ pub fn dashboard(data: &[u8]) {
     assert!(said.is_empty() || said.starts_with(b"HTTP/1."), "no answer: {said:?}");
 }
 
-/// What all dashboards look at.
-pub(crate) fn board() -> MutexGuard<'static, Dashboards> {
-    server().dashboards.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 struct Server {
     address: SocketAddr,
-    dashboards: Mutex<Dashboards>,
+    /// It serves as long as this lives.
+    _dashboards: Mutex<Dashboards>,
 }
 
 fn server() -> &'static Server {
@@ -50,5 +46,5 @@ fn start() -> Result<Server, Box<dyn std::error::Error>> {
     let reception = options.listen()?.ok_or("no address")?;
     let address = reception.address()?;
     let place = Place { session: "fuzz".to_owned(), bus: "local".to_owned() };
-    Ok(Server { address, dashboards: Mutex::new(reception.serve(&place, None)?) })
+    Ok(Server { address, _dashboards: Mutex::new(reception.serve(&place, None)?) })
 }

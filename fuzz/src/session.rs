@@ -12,6 +12,7 @@ use mtj_monitor::{
     monitor::Audience,
     overview::Overview,
     recording::{Recording, TOPICS, Timeline, Topic, read_json, write_json},
+    web::Dashboards,
 };
 use mtj_protocol::{
     codec, gate,
@@ -20,14 +21,12 @@ use mtj_protocol::{
     sample::{Sample, VERSION},
 };
 
-use crate::dashboard;
-
 /// Whatever is said in a session, every display can show it. A message is a byte that chooses the topic and
 /// the bytes of the sample, with the version filled in; what is missing of the last one is zero.
 pub fn session(data: &[u8]) {
     let mut overview = Overview::default();
     let mut timeline = Timeline::default();
-    let mut dashboards = dashboard::board();
+    let mut dashboards = Dashboards::unseen();
     let mut rest = data;
     while let Some((topic, bytes)) = rest.split_first() {
         let (message, used) = match TOPICS[usize::from(*topic) % TOPICS.len()] {

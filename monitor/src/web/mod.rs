@@ -208,6 +208,13 @@ pub struct Dashboards {
     _until: oneshot::Sender<()>,
 }
 
+impl Dashboards {
+    /// What dashboards would show, if there were any: no server, no address.
+    pub fn unseen() -> Self {
+        Self { board: Shared::default(), _until: oneshot::channel().0 }
+    }
+}
+
 impl Audience for Dashboards {
     fn hear(&mut self, message: &Message) {
         self.board.lock().hear(message);
