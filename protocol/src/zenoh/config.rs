@@ -65,6 +65,13 @@ pub(super) fn configure(settings: &BusSettings, role: Role) -> Result<Config, Bu
     Ok(config)
 }
 
+/// Whether any link of a session may be one of TLS.
+pub(super) fn has_tls(config: &Config) -> bool {
+    ["listen/endpoints", "connect/endpoints"]
+        .iter()
+        .any(|key| config.get_json(key).is_ok_and(|endpoints| endpoints.contains("\"tls/")))
+}
+
 fn list(endpoints: &[String]) -> String {
     format!("{endpoints:?}")
 }

@@ -10,12 +10,14 @@
 //! credentials  certificates, and the TLS that they make
 //! access       who may say what
 //! exposure     where nobody listens without them
+//! threads      on how many of them Zenoh reads and writes
 //! ```
 
 mod access;
 mod config;
 mod credentials;
 mod exposure;
+pub mod threads;
 
 use std::{
     any::Any,
@@ -62,6 +64,9 @@ impl ZenohBus {
         proceed: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, BusError> {
         let config = config::configure(settings, role)?;
+        if config::has_tls(&config) {
+            threads::take_turns();
+        }
         let mut doubt = settings.certs.is_some().then(|| Instant::now() + DOUBT);
         let session = loop {
             if !proceed() {
