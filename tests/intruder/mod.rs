@@ -18,8 +18,9 @@ use mtj_protocol::{
     knob::Knob,
     member::{Member, Role},
     sample::{PresenceSample, Sample, StateSample, StatusSample, TorqueSample},
+    zenoh::threads,
 };
-use zenoh::{Config, Session, Wait};
+use zenoh::{Config, Session, Wait, handlers::RingChannel};
 
 /// What somebody proves himself with: the authority he trusts, and his certificate and its key.
 pub struct Papers<'a> {
@@ -42,6 +43,7 @@ pub fn connect(endpoint: &str, papers: &Papers<'_>) -> zenoh::Result<Session> {
         set("transport/link/tls/connect_certificate", &path(certificate));
         set("transport/link/tls/connect_private_key", &path(key));
     }
+    threads::take_turns();
     zenoh::open(config).wait()
 }
 
@@ -94,8 +96,10 @@ impl Intruder {
 
 fn work(bus: &Session, prefix: &str, says: &[Say], stop: &AtomicBool) -> Heard {
     let key = |topic: &str| format!("{prefix}/{topic}");
-    let states = bus.declare_subscriber(key("state")).wait().unwrap();
-    let statuses = bus.declare_subscriber(key("status")).wait().unwrap();
+    // What he has no time for is dropped: a channel that fills up would hold Zenoh's own thread.
+    let hear =
+        |topic| bus.declare_subscriber(key(topic)).with(RingChannel::new(4096)).wait().unwrap();
+    let (states, statuses) = (hear("state"), hear("status"));
     let _scenario = says.contains(&Say::Scenario).then(|| {
         let reply = |query: zenoh::query::Query| {
             let _ = query.reply(query.key_expr(), b"torque = \"all of it\"".to_vec()).wait();

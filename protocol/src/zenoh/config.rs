@@ -84,6 +84,13 @@ fn refusal(error: zenoh::Error) -> BusError {
     BusError::Settings(format!("the Zenoh configuration: {}", in_one_line(&error)))
 }
 
+/// Whether any link of a session may be one of TLS.
+pub(super) fn has_tls(config: &Config) -> bool {
+    ["listen/endpoints", "connect/endpoints"]
+        .iter()
+        .any(|key| config.get_json(key).is_ok_and(|endpoints| endpoints.contains("\"tls/")))
+}
+
 fn list(endpoints: &[String]) -> String {
     format!("{endpoints:?}")
 }

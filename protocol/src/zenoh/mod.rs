@@ -11,6 +11,7 @@
 //! access       who may say what
 //! exposure     where nobody listens without them
 //! recovery     what brings a session back after the network failed
+//! threads      on how many of them Zenoh reads and writes
 //! ```
 
 mod access;
@@ -18,6 +19,7 @@ mod config;
 mod credentials;
 mod exposure;
 mod recovery;
+pub mod threads;
 
 use std::{
     any::Any,
@@ -91,6 +93,9 @@ impl ZenohBus {
         role: Role,
         proceed: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, BusError> {
+        if config::has_tls(&config) {
+            threads::take_turns();
+        }
         let mut doubt = settings.certs.is_some().then(|| Instant::now() + DOUBT);
         let session = loop {
             if !proceed() {
