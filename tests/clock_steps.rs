@@ -1,6 +1,10 @@
 //! Wall clocks that jump: the loop goes by clocks that do not.
 
-#![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a helper that cannot go on fails its test"
+)]
 
 mod session;
 

@@ -29,7 +29,7 @@ const RATE: u64 = 10_000;
 /// How many messages each test sends.
 fn messages() -> u64 {
     let asked = std::env::var("MTJ_HOSTILE_MESSAGES");
-    asked.map_or(50_000, |count| count.parse().expect("MTJ_HOSTILE_MESSAGES is a count"))
+    asked.map_or(50_000, |count| count.parse().unwrap())
 }
 
 /// Starts an attack on the session, over its bus.

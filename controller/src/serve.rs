@@ -84,13 +84,11 @@ fn serve_run(
     let mut controller = Controller::new(scenario);
     while proceed() {
         match port.receive(Instant::now() + PATIENCE)? {
-            None => {}
             Some(Heard::Misled) => return Ok(()),
-            Some(Heard::OtherRun(state)) => {
-                if port.newer_scenario(bus, &state)?.is_some() {
-                    return Ok(());
-                }
+            Some(Heard::OtherRun(state)) if port.newer_scenario(bus, &state)?.is_some() => {
+                return Ok(());
             }
+            None | Some(Heard::OtherRun(_)) => {}
             Some(Heard::Again(state)) => {
                 if port.is_in_charge(&state) {
                     port.send(&controller.answer_again(&state))?;
