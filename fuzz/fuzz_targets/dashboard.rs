@@ -1,3 +1,4 @@
+//! The target `dashboard` for libFuzzer.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| mtj_fuzz::dashboard(data));

@@ -1,3 +1,4 @@
+//! The target `recording` for libFuzzer.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| mtj_fuzz::recording(data));

@@ -13,7 +13,7 @@ use mtj_protocol::{
     bus::BusError,
     knob::Knob,
     member::Member,
-    sample::{RequestSample, VERSION},
+    sample::{RequestSample, VERSION, text_of},
 };
 use mtj_study::sweep::plan::Plan;
 
@@ -143,7 +143,9 @@ pub fn knob(data: &[u8]) {
     let request: RequestSample = knob.request(1, 2);
     assert_eq!((request.header.version, request.header.run), (VERSION, 1));
     if let Ok(understood) = Knob::of(&request) {
-        assert_eq!(understood.request(1, 2), request);
+        let again = understood.request(1, 2);
+        assert!(text_of(&again.text).lines().eq(text_of(&request.text).lines()));
+        assert_eq!(RequestSample { text: request.text, ..again }, request);
     } else {
         assert!(matches!(knob, Knob::Set(_)), "{knob:?}");
     }

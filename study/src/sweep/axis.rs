@@ -28,7 +28,7 @@ pub struct Position {
 }
 
 /// More values than anybody means an axis to have.
-const MOST_POSITIONS: usize = 1_000_000;
+const MOST_POSITIONS: usize = 100_000;
 
 impl Axis {
     /// Reads a table `{name, key, values | from, to, count, scale}` or `{name, variants}`.
