@@ -159,8 +159,10 @@ impl<'a> Soak<'a> {
                 Role::Plant => news.any(|(run, _)| !runs.contains(run)).then_some(took),
                 Role::Controller => news.any(|(_, id)| !controllers.contains(id)).then_some(took),
                 // It says what it heard in its first second when that is over.
-                _ => running[role].stdout().lines().next().map(|line| {
-                    assert!(line.contains("|e|"), "it heard no loop: {line}");
+                _ => running[role].stdout().lines().next().map(str::to_owned).map(|line| {
+                    let said = running.iter_mut().map(|role| (role.has_ended(), role.stderr()));
+                    let said: Vec<_> = said.collect();
+                    assert!(line.contains("|e|"), "it heard no loop: {line}; {said:?}");
                     took.saturating_sub(Duration::from_secs(1))
                 }),
             }

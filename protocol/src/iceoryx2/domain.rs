@@ -20,7 +20,7 @@ use std::{
 };
 
 use iceoryx2::{
-    node::{NodeCleanupFailure, NodeView},
+    node::{DeadNodeView, NodeCleanupFailure, NodeView},
     prelude::{
         CallbackProgression, Config, FileName, Node, NodeBuilder, NodeState, SemanticString as _,
         Service as _, SignalHandlingMode, ipc,
@@ -203,32 +203,28 @@ impl Domain {
     /// Clears away what belongs to nobody who lives.
     fn sweep(&self, _inside: &Inside<'_>) {
         // If there are no means to look, whoever comes next will sweep.
-        let Some(residents) = self.residents() else { return };
-        let services = self.services();
-        for (name, entry) in entries(Path::new(SEGMENTS)).chain(entries(&self.root)) {
-            let Some(name) = name.strip_prefix(&self.prefix) else { continue };
-            let is_used = if residents.processes.is_empty() {
-                false
-            } else if name.ends_with(".global_mgmt") {
-                true
-            } else if name.ends_with(".dynamic") {
-                let Some(services) = &services else { continue };
-                numbers(name).any(|id| services.contains(&id))
-            } else {
-                numbers(name).all(|id| residents.processes.contains(&process_of(id)))
-            };
-            if !is_used {
-                remove(&entry.path());
+        let Some((mut residents, dead)) = self.residents() else { return };
+        // Segments first: iceoryx2 waits for ever for one whose maker died before it had a size.
+        self.sweep_segments(&residents);
+        for node in dead {
+            // Without its details iceoryx2 would seek it in another domain.
+            let is_whole = node.details().is_some();
+            let id = node.id().value();
+            match node.try_remove_stale_resources() {
+                Ok(()) | Err(NodeCleanupFailure::ResourcesAlreadyCleanedUp) => {}
+                // The next one may do better, as long as it can be found.
+                Err(_) if is_whole && !residents.processes.is_empty() => {
+                    residents.nodes.insert(id);
+                }
+                Err(_) => {}
             }
         }
+        self.sweep_services(&residents);
         for (name, entry) in entries(&self.root.join("nodes")) {
             let name = name.strip_prefix(&self.prefix).unwrap_or(&name);
             if !numbers(name).any(|id| residents.nodes.contains(&id)) {
                 remove(&entry.path());
             }
-        }
-        if residents.processes.is_empty() {
-            entries(&self.root.join("services")).for_each(|(_, entry)| remove(&entry.path()));
         }
         for (_, entry) in entries(&self.root.join("members")) {
             if File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok()) {
@@ -237,35 +233,53 @@ impl Domain {
         }
     }
 
-    /// Who lives here, after iceoryx2 has cleared away after the dead. None if that cannot be known.
-    fn residents(&self) -> Option<Residents> {
-        let mut found = Residents::default();
+    /// Who lives here, and who died. None if that cannot be known.
+    fn residents(&self) -> Option<(Residents, Vec<DeadNodeView<ipc::Service>>)> {
+        let (mut found, mut dead) = (Residents::default(), Vec::new());
         let listed = Node::<ipc::Service>::list(&self.config, |node| {
             let id = node.node_id().value();
-            match node {
-                NodeState::Dead(node) => {
-                    // Without its details iceoryx2 would seek it in another domain.
-                    let is_whole = node.details().is_some();
-                    match node.try_remove_stale_resources() {
-                        Ok(()) | Err(NodeCleanupFailure::ResourcesAlreadyCleanedUp) => {}
-                        Err(_) if is_whole => {
-                            // The next one may do better, as long as it can be found.
-                            found.nodes.insert(id);
-                        }
-                        Err(_) => {}
-                    }
-                }
-                _ => {
-                    found.nodes.insert(id);
-                    found.processes.insert(process_of(id));
-                }
+            if let NodeState::Dead(node) = node {
+                dead.push(node);
+            } else {
+                found.nodes.insert(id);
+                found.processes.insert(process_of(id));
             }
             CallbackProgression::Continue
         });
-        if found.processes.is_empty() {
-            found.nodes.clear();
+        listed.ok().map(|()| (found, dead))
+    }
+
+    /// Removes segments and sockets of the dead, and what they did not finish.
+    fn sweep_segments(&self, residents: &Residents) {
+        for (name, entry) in entries(Path::new(SEGMENTS)).chain(entries(&self.root)) {
+            let Some(name) = name.strip_prefix(&self.prefix) else { continue };
+            let is_used = if residents.processes.is_empty() {
+                false
+            } else if name.ends_with(".dynamic") || name.ends_with(".global_mgmt") {
+                // A service may outlive its maker. It may be read when it is finished.
+                entry.metadata().is_ok_and(|file| file.len() > 0 && file.mode() & 0o400 != 0)
+            } else {
+                numbers(name).all(|id| residents.processes.contains(&process_of(id)))
+            };
+            if !is_used {
+                remove(&entry.path());
+            }
         }
-        listed.ok().map(|()| found)
+    }
+
+    /// Removes the services that nobody uses, and what is left of any.
+    fn sweep_services(&self, residents: &Residents) {
+        let services = self.services();
+        if residents.processes.is_empty() {
+            entries(&self.root.join("services")).for_each(|(_, entry)| remove(&entry.path()));
+        } else if let Some(used) = services {
+            for (name, entry) in entries(Path::new(SEGMENTS)) {
+                let Some(name) = name.strip_prefix(&self.prefix) else { continue };
+                if name.ends_with(".dynamic") && !numbers(name).any(|id| used.contains(&id)) {
+                    remove(&entry.path());
+                }
+            }
+        }
     }
 
     /// The numbers of the services that somebody uses, after removing all others. None if there is one
