@@ -37,7 +37,7 @@ enum Action {
     /// Print a study as TOML
     Show(Which),
     /// Compute a study's points; run again to go on after an interruption
-    Run(RunStudy),
+    Run(Box<RunStudy>),
     /// Join the results of shards and say what is missing
     Merge(Merge),
     Predict(Predict),
