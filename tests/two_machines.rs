@@ -291,7 +291,7 @@ fn a_controller_needs_an_address_and_serves_whatever_plant_comes_there() {
         assert!(plant.wait().success(), "{}", plant.stderr());
         let report = report_of(&plant);
         assert_eq!((&report["scenario"], &report["samples"]), (&scenario.into(), &100.into()));
-        assert!(report["commands"]["applied"].as_u64().unwrap() > 80, "{report}");
+        assert!(report["commands"]["applied"].as_u64().unwrap() > 30, "{report}");
     }
     // One that is killed has no time to say goodbye.
     let mut killed = site.plant("--scenario remote/mtj --set duration=1h");
@@ -301,7 +301,7 @@ fn a_controller_needs_an_address_and_serves_whatever_plant_comes_there() {
     killed.wait();
     let mut plant = site.plant("--scenario remote/mtj --set duration=1s");
     assert!(plant.wait().success(), "{}", plant.stderr());
-    assert!(report_of(&plant)["commands"]["applied"].as_u64().unwrap() > 80);
+    assert!(report_of(&plant)["commands"]["applied"].as_u64().unwrap() > 30);
     assert!(!controller.has_ended(), "{}", controller.stderr());
 }
 
@@ -329,6 +329,7 @@ impl Router {
         let program = env::current_exe().unwrap();
         let mut command = network.command(machine, program.to_str().unwrap());
         command.args(["--exact", "a_router_for_the_other_tests"]);
+        command.env("ZENOH_RUNTIME", "(rx: (worker_threads: 1), tx: (handover: rx))");
         Self(command.env(LISTEN, listen).current_dir(certs).spawn().unwrap())
     }
 }
@@ -369,6 +370,6 @@ fn a_loop_goes_through_a_router_whoever_comes_back() {
     for _ in 0..2 {
         let mut plant = plant("--set duration=1s");
         assert!(plant.wait().success(), "{}", plant.stderr());
-        assert!(report_of(&plant)["commands"]["applied"].as_u64().unwrap() > 80);
+        assert!(report_of(&plant)["commands"]["applied"].as_u64().unwrap() > 30);
     }
 }

@@ -11,6 +11,7 @@
 //! access       who may say what
 //! exposure     where nobody listens without them
 //! recovery     what brings a session back after the network failed
+//! threads      on how many Zenoh works
 //! ```
 
 mod access;
@@ -18,6 +19,7 @@ mod config;
 mod credentials;
 mod exposure;
 mod recovery;
+mod threads;
 
 use std::{
     any::Any,
@@ -66,6 +68,7 @@ impl ZenohBus {
         proceed: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, BusError> {
         let config = config::configure(settings, role)?;
+        threads::settle(&config);
         let mut doubt = settings.certs.is_some().then(|| Instant::now() + DOUBT);
         let session = loop {
             if !proceed() {
