@@ -65,7 +65,7 @@ impl Lease {
     /// Who is to answer the state that is sent `now`; 0 for anybody.
     pub fn leader(&mut self, now: Instant) -> Result<u64, BusError> {
         let has_lapsed =
-            self.waiting.is_some_and(|since| now.duration_since(since) > self.duration);
+            self.waiting.is_some_and(|since| now.duration_since(since) >= self.duration);
         let may_look = self.looked.is_none_or(|looked| now.duration_since(looked) >= LOOK);
         if (self.leader == 0 || has_lapsed) && may_look {
             self.looked = Some(now);
@@ -73,6 +73,17 @@ impl Lease {
         }
         self.waiting.get_or_insert(now);
         Ok(self.leader)
+    }
+
+    /// Who was to answer the state that was sent last.
+    pub fn named(&self) -> u64 {
+        self.leader
+    }
+
+    /// When the lease of whoever is in charge lapses, if he does not answer before.
+    pub fn lapse(&self) -> Option<Instant> {
+        let lapse = self.waiting.filter(|_| self.leader != 0)? + self.duration;
+        Some(self.looked.map_or(lapse, |looked| lapse.max(looked + LOOK)))
     }
 
     /// Whether an answer of this controller may pass.

@@ -63,7 +63,7 @@ impl PlantPort {
     fn judge(&mut self, torque: &TorqueSample) -> Verdict {
         let is_ours = torque.header.run == self.run
             && matches!(gate::fault(torque), None | Some(Fault::NotFinite));
-        if is_ours && torque.header.sequence > self.asked.sequence {
+        if is_ours && torque.header.sequence > self.asked.state.header.sequence {
             return self.gate.refuse(Fault::Unasked);
         }
         if is_ours && !self.lease.allows(torque.controller) {
@@ -77,7 +77,7 @@ impl PlantPort {
             }
             Verdict::Repeated => {
                 self.asked.answers += 1;
-                if torque.header.sequence < self.asked.sequence
+                if torque.header.sequence < self.asked.state.header.sequence
                     || self.asked.answers > self.asked.times
                 {
                     return self.gate.refuse(Fault::Duplicate);
@@ -87,29 +87,9 @@ impl PlantPort {
         }
         verdict
     }
-}
 
-/// What the controller was asked last.
-#[derive(Default)]
-struct Asked {
-    sequence: u64,
-    /// How often: a state is repeated as long as nobody answers it.
-    times: u64,
-    answers: u64,
-}
-
-impl Exchange for PlantPort {
-    fn send(&mut self, state: &StateSample) -> Result<(), BusError> {
-        let sequence = state.header.sequence;
-        match &mut self.asked {
-            asked if asked.sequence == sequence => asked.times += 1,
-            asked => *asked = Asked { sequence, times: 1, answers: 0 },
-        }
-        let leader = self.lease.leader(Instant::now())?;
-        self.states.write(&StateSample { leader, ..*state })
-    }
-
-    fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
+    /// The next answer that may pass, waiting for it until `until`.
+    fn listen(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
         while let Some(torque) = bus::receive(&mut *self.torques, self.wait, until)? {
             match self.judge(&torque) {
                 Verdict::Fresh => return Ok(Some(Answer::Torque(torque))),
@@ -128,7 +108,45 @@ impl Exchange for PlantPort {
         }
         Ok(None)
     }
+}
 
+/// What the controller was asked last.
+#[derive(Default)]
+struct Asked {
+    state: StateSample,
+    /// How often: a state is repeated as long as nobody answers it.
+    times: u64,
+    answers: u64,
+}
+
+impl Exchange for PlantPort {
+    fn send(&mut self, state: &StateSample) -> Result<(), BusError> {
+        let is_again =
+            self.asked.times > 0 && self.asked.state.header.sequence == state.header.sequence;
+        let (times, answers) =
+            if is_again { (self.asked.times + 1, self.asked.answers) } else { (1, 0) };
+        self.asked = Asked { state: *state, times, answers };
+        let leader = self.lease.leader(Instant::now())?;
+        self.states.write(&StateSample { leader, ..*state })
+    }
+
+    fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
+        loop {
+            let lapse = self.lease.lapse().filter(|lapse| *lapse < until);
+            if let Some(answer) = self.listen(lapse.unwrap_or(until))? {
+                return Ok(Some(answer));
+            }
+            if Instant::now() >= until {
+                return Ok(None);
+            }
+            // Whoever takes over need not wait for the next sample.
+            let before = self.lease.named();
+            if lapse.is_some() && self.lease.leader(Instant::now())? != before {
+                let state = self.asked.state;
+                self.send(&state)?;
+            }
+        }
+    }
     fn report(&mut self, status: &StatusSample) -> Result<(), BusError> {
         self.offering.serve()?;
         self.presence.tell(&status.header)?;
