@@ -40,6 +40,13 @@ impl Knob {
             Self::Set(sets) if sets.is_empty() => {
                 Some("nothing to set: expected KEY=VALUE, like law.memory.policy=delivered".into())
             }
+            Self::Set(sets)
+                if sets
+                    .iter()
+                    .any(|set| set.lines().count() != 1 || set.contains(['\n', '\r'])) =>
+            {
+                Some("each change is one line, KEY=VALUE".into())
+            }
             Self::Set(sets) => {
                 let lines = sets.join("\n");
                 let fits = text_of(&text::<12>(&lines)) == lines && !lines.contains('\0');

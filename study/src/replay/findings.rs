@@ -20,10 +20,10 @@ pub struct Findings {
     pub first: Option<Difference>,
     /// The largest |Δτ| on each joint.
     pub largest: Vec<Largest>,
-    /// How often a controller was recorded that had just started.
-    pub restarts: u64,
+    /// How often another controller took over.
+    pub takeovers: u64,
     /// Torques used to learn what the recorded controller remembered where a recording begins in
-    /// mid-run, or has a gap.
+    /// mid-run, has a gap, or another controller takes over.
     pub joined: u64,
     /// Torques for states that had been answered before.
     pub repeated: u64,
@@ -127,7 +127,7 @@ impl fmt::Display for Findings {
             writeln!(f, "joint {}: |Δτ| up to {difference_nm:.3e} N m, at {at}", joint + 1)?;
         }
         for (count, what) in [
-            (self.restarts, "controller started anew"),
+            (self.takeovers, "another controller took over"),
             (self.joined, "not compared: the recording has nothing right before them"),
             (self.repeated, "not compared: answers to states that had been answered before"),
             (self.without_state, "not compared: their state is not in the recording"),
