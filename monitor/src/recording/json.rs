@@ -21,7 +21,7 @@ pub fn write(out: &mut impl io::Write, message: &Message) -> io::Result<()> {
     Ok(serde_json::to_writer(out, &Told(message))?)
 }
 
-/// Reads what [`write`] wrote; in words, if it is something else.
+/// Reads what [`write()`] wrote; in words, if it is something else.
 pub fn read(topic: Topic, json: &[u8]) -> Result<Message, String> {
     Ok(match topic {
         Topic::Scenario => Message::Scenario(Arc::new(read_scenario(json)?)),

@@ -130,7 +130,7 @@ impl Domain {
             .config(&self.config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create()
-            .map_err(|error| self.explain("a node", &error))?;
+            .map_err(|error| scarcity::explain(&self.root, "a node", &error))?;
         self.close_to_others();
         drop(inside);
         Ok(self.keep(node))
@@ -160,17 +160,9 @@ impl Domain {
         Indoors { _shut: Shut(Arc::clone(self)), thing, _open: Open(Arc::clone(self)) }
     }
 
-    /// What went wrong, said as well as can be.
-    pub fn explain(&self, what: &str, error: &dyn std::fmt::Debug) -> BusError {
-        match scarcity::check(&self.root) {
-            Err(scarce) => scarce,
-            Ok(()) => BusError::Transport(format!("shared memory, {what}: {error:?}")),
-        }
-    }
-
-    /// What the system said at our directory.
-    pub fn refused(&self, error: &io::Error) -> BusError {
-        scarcity::io(&self.root, error)
+    /// Where everything is but the segments themselves.
+    pub fn root(&self) -> &Path {
+        &self.root
     }
 
     /// Allocates the part of a publisher's segment that it uses first, a `share` of the whole, so that it

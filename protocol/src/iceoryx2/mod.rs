@@ -142,7 +142,7 @@ impl Iceoryx2Bus {
         topic: &str,
         attempt: impl Fn() -> Result<T, Trouble>,
     ) -> Result<Indoors<T>, BusError> {
-        let refuse = |trouble: Trouble| trouble.at(topic, &self.session, &self.domain);
+        let refuse = |trouble: Trouble| trouble.at(topic, &self.session, self.domain.root());
         self.domain.make(|| attempt().map_err(refuse))
     }
 

@@ -1,6 +1,6 @@
 //! Why something in shared memory could not be made, and what to tell the user.
 
-use std::{fmt::Debug, io};
+use std::{fmt::Debug, io, path::Path};
 
 use iceoryx2::{
     port::{
@@ -14,7 +14,7 @@ use iceoryx2::{
     service::service_name::ServiceNameError,
 };
 
-use super::domain::Domain;
+use super::scarcity;
 use crate::bus::BusError;
 
 /// Why an attempt failed.
@@ -41,7 +41,7 @@ pub enum Trouble {
 
 impl Trouble {
     /// What it means for a topic of a session.
-    pub fn at(self, topic: &str, session: &str, domain: &Domain) -> Refusal {
+    pub fn at(self, topic: &str, session: &str, root: &Path) -> Refusal {
         let settings = |reason| {
             BusError::Settings(format!(
                 "session '{session}' {reason}, or choose another name with --session"
@@ -58,8 +58,8 @@ impl Trouble {
             Self::Crowded => Refusal::Perhaps(settings(format!(
                 "has as many processes at '{topic}' as it may have; stop one"
             ))),
-            Self::System(error) => Refusal::Final(domain.refused(&error)),
-            Self::Other(words) => Refusal::Perhaps(domain.explain(topic, &words)),
+            Self::System(error) => Refusal::Final(scarcity::io(root, &error)),
+            Self::Other(words) => Refusal::Perhaps(scarcity::explain(root, topic, &words)),
         }
     }
 

@@ -52,6 +52,14 @@ pub fn io(root: &Path, error: &io::Error) -> BusError {
     })
 }
 
+/// What went wrong, said as well as can be.
+pub fn explain(root: &Path, what: &str, error: &dyn Debug) -> BusError {
+    match check(root) {
+        Err(scarce) => scarce,
+        Ok(()) => BusError::Transport(format!("shared memory, {what}: {error:?}")),
+    }
+}
+
 /// The sentence for what should not happen.
 pub fn failure<E: Debug>(what: &str) -> impl FnOnce(E) -> BusError {
     move |error| BusError::Transport(format!("shared memory, {what}: {error:?}"))
