@@ -111,14 +111,23 @@ mod tests {
             time_ns: 4,
             ..Header::default()
         };
-        let state = StateSample { header, sent_ns: 5, position: [1.5; 7], ..Default::default() };
+        let state = StateSample {
+            header,
+            sent_ns: 5,
+            leader: 6,
+            timed_out: 1,
+            position: [1.5; 7],
+            ..Default::default()
+        };
         let mut buffer = [0; LARGEST_SAMPLE];
         let bytes = encode(&state, &mut buffer);
         assert_eq!(bytes[0..4], 1u32.to_le_bytes());
         assert_eq!(bytes[16..24], 0x0102u64.to_le_bytes());
         assert_eq!(bytes[32..40], 4u64.to_le_bytes());
         assert_eq!(bytes[40..48], 5u64.to_le_bytes());
-        assert_eq!(bytes[72..80], 1.5f64.to_le_bytes());
+        assert_eq!(bytes[72..80], 6u64.to_le_bytes());
+        assert_eq!(bytes[80..88], 1u64.to_le_bytes());
+        assert_eq!(bytes[88..96], 1.5f64.to_le_bytes());
         let page = include_str!("../../docs/wire.md");
         for (sample, size) in [
             ("state", size_of::<StateSample>()),
