@@ -81,6 +81,8 @@ impl Watch {
 #[derive(Clone, Copy, Debug)]
 struct Holdings {
     descriptors: usize,
+    /// Mapped files and shared memory. What is mapped without a name is the stacks of threads that come and
+    /// go with work and the allocator's arenas: `memory_kb` counts what is in use of those.
     mappings: usize,
     memory_kb: usize,
 }
@@ -88,17 +90,18 @@ struct Holdings {
 impl Holdings {
     fn of(pid: u32) -> Self {
         let status = fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
+        let maps = fs::read_to_string(format!("/proc/{pid}/maps")).unwrap();
         let resident = status.lines().find_map(|line| line.strip_prefix("RssAnon:")).unwrap();
         Self {
             descriptors: fs::read_dir(format!("/proc/{pid}/fd")).unwrap().count(),
-            mappings: fs::read_to_string(format!("/proc/{pid}/maps")).unwrap().lines().count(),
+            mappings: maps.lines().filter(|line| line.contains('/')).count(),
             memory_kb: resident.trim().trim_end_matches(" kB").parse().unwrap(),
         }
     }
 
     fn assert_not_above(self, before: Self) {
         assert!(self.descriptors <= before.descriptors + 4, "{before:?}, then {self:?}");
-        assert!(self.mappings <= before.mappings + 16, "{before:?}, then {self:?}");
+        assert!(self.mappings <= before.mappings + 4, "{before:?}, then {self:?}");
         assert!(self.memory_kb <= before.memory_kb + 4096, "{before:?}, then {self:?}");
     }
 }
