@@ -50,10 +50,8 @@ pub trait Sessions {
 /// How much a reader keeps for its owner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Depth {
-    /// The newest sample: what a control loop wants.
-    Latest,
-    /// The newest few, as promptly: what the ends of a loop want, to whom others may write whom they do not
-    /// mean, and faster than they listen.
+    /// The newest few, as promptly as can be: what the ends of a loop want, to whom others may write whom
+    /// they do not mean, and faster than they listen.
     Recent,
     /// Every sample in order, as long as the reader is emptied within [`STREAM_DEPTH`] samples.
     Stream,
@@ -69,6 +67,15 @@ pub const STREAM_DEPTH: usize = 4096;
 pub trait Writer<S> {
     /// Makes a sample visible to all readers. Never blocks.
     fn write(&mut self, sample: &S) -> Result<(), BusError>;
+    /// Makes a sample visible to those who [`Reader::follow`] this writer, at once; to all others with the
+    /// next [`Writer::settle`] or the next sample. On a bus without such a difference it is written.
+    fn expedite(&mut self, sample: &S) -> Result<(), BusError> {
+        self.write(sample)
+    }
+    /// Lets everybody have what was expedited.
+    fn settle(&mut self) -> Result<(), BusError> {
+        Ok(())
+    }
 }
 
 /// The reading end of a topic.
@@ -81,6 +88,11 @@ pub trait Reader<S> {
     /// next sample yields it.
     fn pause(&self) {
         std::hint::spin_loop();
+    }
+    /// From now on looks first for what the writer of the sample taken last has [expedited](Writer::expedite),
+    /// of which only the newest counts. May take a millisecond when that writer is another one than before.
+    fn follow(&mut self) -> Result<(), BusError> {
+        Ok(())
     }
     /// Whether there is another sample already.
     fn has_more(&self) -> bool;
@@ -102,16 +114,19 @@ pub fn receive<S>(
     wait: Wait,
     until: Instant,
 ) -> Result<Option<S>, BusError> {
+    let mut tired = None;
     loop {
         if let Some(sample) = reader.take()? {
             return Ok(Some(sample));
         }
-        if Instant::now() >= until {
+        let now = Instant::now();
+        if now >= until {
             return Ok(None);
         }
         match wait {
             Wait::Spin => reader.pause(),
-            Wait::Block => reader.sleep(until)?,
+            Wait::Hybrid(spin) if now < *tired.get_or_insert(now + spin) => reader.pause(),
+            Wait::Block | Wait::Hybrid(_) => reader.sleep(until)?,
         }
     }
 }

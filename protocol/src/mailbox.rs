@@ -13,7 +13,7 @@ use crate::{
 
 /// Where a transport's own thread leaves samples for a reader.
 ///
-/// Full, it drops its oldest entry: a mailbox of one is a latest-value slot, a deep one a stream.
+/// Full, it drops its oldest entry.
 pub struct Mailbox<S> {
     inner: Mutex<Inner<S>>,
     filled: Condvar,
@@ -29,7 +29,6 @@ impl<S> Mailbox<S> {
     /// An empty mailbox.
     pub fn new(depth: Depth) -> Arc<Self> {
         let capacity = match depth {
-            Depth::Latest => 1,
             Depth::Recent => RECENT_DEPTH,
             Depth::Stream => STREAM_DEPTH,
         };

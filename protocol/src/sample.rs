@@ -38,6 +38,7 @@ impl<T> Shareable for T {}
 pub trait Sample:
     Copy
     + Default
+    + PartialEq
     + std::fmt::Debug
     + Send
     + Serialize
@@ -49,6 +50,8 @@ pub trait Sample:
     const TOPIC: &'static str;
     /// Whether only one process at a time may write the topic.
     const ONE_WRITER: bool;
+    /// Whether a control loop waits for it.
+    const CLOSES_THE_LOOP: bool;
 
     /// What every sample begins with.
     fn header(&self) -> &Header;
@@ -335,10 +338,11 @@ sample! {
 }
 
 macro_rules! implement_sample {
-    ($($name:ident, $topic:literal, one writer $one:literal: $($field:ident),*;)*) => {
+    ($($name:ident, $topic:literal, one writer $one:literal, loop $loop:literal: $($field:ident),*;)*) => {
         $(impl Sample for $name {
             const TOPIC: &'static str = $topic;
             const ONE_WRITER: bool = $one;
+            const CLOSES_THE_LOOP: bool = $loop;
             fn header(&self) -> &Header {
                 &self.header
             }
@@ -359,13 +363,13 @@ macro_rules! implement_sample {
 }
 
 implement_sample! {
-    StateSample, "state", one writer true: position, velocity, applied, delivered;
-    TorqueSample, "torque", one writer false: torque, force;
-    ErrorSample, "error", one writer false: error, error_rate, factor, memory;
-    StatusSample, "status", one writer true: position, velocity, torque;
-    RequestSample, "request", one writer false: torque;
-    ChangeSample, "change", one writer true: torque;
-    PresenceSample, "presence", one writer false: ;
+    StateSample, "state", one writer true, loop true: position, velocity, applied, delivered;
+    TorqueSample, "torque", one writer false, loop true: torque, force;
+    ErrorSample, "error", one writer false, loop false: error, error_rate, factor, memory;
+    StatusSample, "status", one writer true, loop false: position, velocity, torque;
+    RequestSample, "request", one writer false, loop false: torque;
+    ChangeSample, "change", one writer true, loop false: torque;
+    PresenceSample, "presence", one writer false, loop false: ;
 }
 
 impl Header {

@@ -13,7 +13,7 @@ use mtj_protocol::{
 use serde::{Deserialize, Serialize};
 
 /// A state as another version lays it out.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize, ZeroCopySend)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ZeroCopySend)]
 #[repr(C)]
 struct OtherState {
     header: Header,
@@ -23,6 +23,7 @@ struct OtherState {
 impl Sample for OtherState {
     const TOPIC: &'static str = StateSample::TOPIC;
     const ONE_WRITER: bool = true;
+    const CLOSES_THE_LOOP: bool = true;
 
     fn header(&self) -> &Header {
         &self.header
@@ -45,7 +46,7 @@ fn another_version_in_the_session_is_told_in_a_sentence() {
     let (bus, other) = (Iceoryx2Bus::open(&session).unwrap(), Iceoryx2Bus::open(&session).unwrap());
     let _writer = other.writer::<OtherState>().unwrap();
     let refused = [
-        bus.reader::<StateSample>(Depth::Latest, Wait::Block).err(),
+        bus.reader::<StateSample>(Depth::Recent, Wait::Block).err(),
         bus.writer::<StateSample>().err(),
     ];
     for error in refused {

@@ -1,6 +1,6 @@
 //! How the processes of a scenario find and wait for each other.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, time::Duration};
 
 use super::section::{Origin, ScenarioError, Section};
 
@@ -58,7 +58,24 @@ pub enum Wait {
     Spin,
     /// Sleep until woken.
     Block,
+    /// Look again for so long, then sleep: as quick as [`Wait::Spin`] for what comes soon, and otherwise
+    /// as modest as [`Wait::Block`].
+    Hybrid(Duration),
 }
+
+impl Wait {
+    /// The name in scenarios and in print.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Spin => "spin",
+            Self::Block => "block",
+            Self::Hybrid(_) => "hybrid",
+        }
+    }
+}
+
+/// For how long a hybrid wait spins when nobody says otherwise: somewhat longer than a sleeper takes to wake.
+pub const DEFAULT_SPIN: Duration = Duration::from_micros(100);
 
 /// Where a plant listens when nobody says otherwise.
 pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
@@ -116,7 +133,8 @@ impl BusSettings {
         if let Some(session) = section.optional("session", SESSION, name)? {
             settings.session = session;
         }
-        let waits = [("spin", Wait::Spin), ("block", Wait::Block)];
+        let spin = section.duration("spin", Duration::from_nanos(1), Some(DEFAULT_SPIN))?;
+        let waits = [Wait::Spin, Wait::Block, Wait::Hybrid(spin)].map(|wait| (wait.name(), wait));
         settings.wait = section.choice("wait", &waits, Some(settings.wait))?;
         settings.listen = endpoints(&section, "listen")?;
         settings.connect = endpoints(&section, "connect")?;

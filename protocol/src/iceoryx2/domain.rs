@@ -7,10 +7,9 @@
 //! if the holder dies. Whoever is inside knows that what is half done there was left by the dead.
 
 use std::{
-    collections::HashSet,
-    fs::{self, DirBuilder, DirEntry, File, OpenOptions, Permissions, TryLockError},
+    fs::{self, DirBuilder, File, OpenOptions, Permissions, TryLockError},
     io,
-    ops::Deref,
+    ops::{Deref, DerefMut},
     os::unix::fs::{DirBuilderExt, FileExt, MetadataExt, OpenOptionsExt, PermissionsExt},
     path::{Path, PathBuf},
     process,
@@ -19,19 +18,15 @@ use std::{
     time::{Duration, Instant},
 };
 
-use iceoryx2::{
-    node::{DeadNodeView, NodeCleanupFailure, NodeView},
-    prelude::{
-        CallbackProgression, Config, FileName, Node, NodeBuilder, NodeState, SemanticString as _,
-        Service as _, SignalHandlingMode, ipc,
-    },
+use iceoryx2::prelude::{
+    Config, FileName, Node, NodeBuilder, SemanticString as _, SignalHandlingMode, ipc,
 };
 
-use super::{refusal::Refusal, scarcity};
+use super::{refusal::Refusal, scarcity, sweep::entries};
 use crate::bus::BusError;
 
 /// Where segments of shared memory are files.
-const SEGMENTS: &str = "/dev/shm";
+pub const SEGMENTS: &str = "/dev/shm";
 /// How long to wait at the door. Nobody stays inside for more than some milliseconds.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// How often to knock.
@@ -41,10 +36,10 @@ const DYING: Duration = Duration::from_secs(1);
 
 /// A user's part of shared memory.
 pub struct Domain {
-    config: Box<Config>,
-    root: PathBuf,
+    pub(super) config: Box<Config>,
+    pub(super) root: PathBuf,
     /// What the names of our segments and files begin with.
-    prefix: String,
+    pub(super) prefix: String,
     door: File,
 }
 
@@ -156,6 +151,17 @@ impl Domain {
         }
     }
 
+    /// Makes something inside that may be missing.
+    pub fn try_make<T>(
+        self: &Arc<Self>,
+        attempt: impl FnOnce() -> Option<T>,
+    ) -> Result<Option<Indoors<T>>, BusError> {
+        let inside = self.enter()?;
+        let made = attempt();
+        drop(inside);
+        Ok(made.map(|made| self.keep(made)))
+    }
+
     fn keep<T>(self: &Arc<Self>, thing: T) -> Indoors<T> {
         Indoors { _shut: Shut(Arc::clone(self)), thing, _open: Open(Arc::clone(self)) }
     }
@@ -191,118 +197,6 @@ impl Domain {
             }
         }
     }
-
-    /// Clears away what belongs to nobody who lives.
-    fn sweep(&self, _inside: &Inside<'_>) {
-        // If there are no means to look, whoever comes next will sweep.
-        let Some((mut residents, dead)) = self.residents() else { return };
-        // Segments first: iceoryx2 waits for ever for one whose maker died before it had a size.
-        self.sweep_segments(&residents);
-        for node in dead {
-            // Without its details iceoryx2 would seek it in another domain.
-            let is_whole = node.details().is_some();
-            let id = node.id().value();
-            match node.try_remove_stale_resources() {
-                Ok(()) | Err(NodeCleanupFailure::ResourcesAlreadyCleanedUp) => {}
-                // The next one may do better, as long as it can be found.
-                Err(_) if is_whole && !residents.processes.is_empty() => {
-                    residents.nodes.insert(id);
-                }
-                Err(_) => {}
-            }
-        }
-        self.sweep_services(&residents);
-        for (name, entry) in entries(&self.root.join("nodes")) {
-            let name = name.strip_prefix(&self.prefix).unwrap_or(&name);
-            if !numbers(name).any(|id| residents.nodes.contains(&id)) {
-                remove(&entry.path());
-            }
-        }
-        for (_, entry) in entries(&self.root.join("members")) {
-            if File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok()) {
-                remove(&entry.path());
-            }
-        }
-    }
-
-    /// Who lives here, and who died. None if that cannot be known.
-    fn residents(&self) -> Option<(Residents, Vec<DeadNodeView<ipc::Service>>)> {
-        let (mut found, mut dead) = (Residents::default(), Vec::new());
-        let listed = Node::<ipc::Service>::list(&self.config, |node| {
-            let id = node.node_id().value();
-            if let NodeState::Dead(node) = node {
-                dead.push(node);
-            } else {
-                found.nodes.insert(id);
-                found.processes.insert(process_of(id));
-            }
-            CallbackProgression::Continue
-        });
-        listed.ok().map(|()| (found, dead))
-    }
-
-    /// Removes segments and sockets of the dead, and what they did not finish.
-    fn sweep_segments(&self, residents: &Residents) {
-        for (name, entry) in entries(Path::new(SEGMENTS)).chain(entries(&self.root)) {
-            let Some(name) = name.strip_prefix(&self.prefix) else { continue };
-            let is_used = if residents.processes.is_empty() {
-                false
-            } else if name.ends_with(".dynamic") || name.ends_with(".global_mgmt") {
-                // A service may outlive its maker. It may be read when it is finished.
-                entry.metadata().is_ok_and(|file| file.len() > 0 && file.mode() & 0o400 != 0)
-            } else {
-                numbers(name).all(|id| residents.processes.contains(&process_of(id)))
-            };
-            if !is_used {
-                remove(&entry.path());
-            }
-        }
-    }
-
-    /// Removes the services that nobody uses, and what is left of any.
-    fn sweep_services(&self, residents: &Residents) {
-        let services = self.services();
-        if residents.processes.is_empty() {
-            entries(&self.root.join("services")).for_each(|(_, entry)| remove(&entry.path()));
-        } else if let Some(used) = services {
-            for (name, entry) in entries(Path::new(SEGMENTS)) {
-                let Some(name) = name.strip_prefix(&self.prefix) else { continue };
-                if name.ends_with(".dynamic") && !numbers(name).any(|id| used.contains(&id)) {
-                    remove(&entry.path());
-                }
-            }
-        }
-    }
-
-    /// The numbers of the services that somebody uses, after removing all others. None if there is one
-    /// that cannot be read.
-    fn services(&self) -> Option<HashSet<u128>> {
-        let (mut used, mut hashes, mut unused) = (HashSet::new(), HashSet::new(), HashSet::new());
-        let listed = ipc::Service::list(&self.config, |service| {
-            let hash = service.static_details.service_hash().as_str().to_owned();
-            let nodes = service.dynamic_details.into_iter().flat_map(|details| details.nodes);
-            if nodes.into_iter().any(|node| !matches!(node, NodeState::Dead(_))) {
-                used.insert(service.static_details.unique_service_id().value());
-                hashes.insert(hash);
-            } else {
-                unused.insert(hash);
-            }
-            CallbackProgression::Continue
-        });
-        let mut is_known = listed.is_ok();
-        for (name, entry) in entries(&self.root.join("services")) {
-            let name = name.strip_prefix(&self.prefix).unwrap_or(&name);
-            let hash = name.strip_suffix(".service").unwrap_or(name);
-            // It becomes read-only when it is complete.
-            let is_complete = entry.metadata().is_ok_and(|file| file.mode() & 0o777 == 0o400);
-            if unused.contains(hash) || !is_complete {
-                remove(&entry.path());
-            } else if !hashes.contains(hash) {
-                is_known = false;
-            }
-        }
-        is_known.then_some(used)
-    }
 }
 
 /// Sweeps when it is dropped: the last thing that somebody does who leaves.
@@ -332,6 +226,12 @@ impl<T> Deref for Indoors<T> {
     }
 }
 
+impl<T> DerefMut for Indoors<T> {
+    fn deref_mut(&mut self) -> &mut T {
+        &mut self.thing
+    }
+}
+
 struct Shut(Arc<Domain>);
 
 impl Drop for Shut {
@@ -349,36 +249,6 @@ impl Drop for Open {
     fn drop(&mut self) {
         drop(Inside(&self.0));
     }
-}
-
-#[derive(Default)]
-struct Residents {
-    nodes: HashSet<u128>,
-    processes: HashSet<u32>,
-}
-
-/// The process that gave something its number.
-fn process_of(id: u128) -> u32 {
-    (id >> 64) as u32
-}
-
-/// The numbers in a name.
-fn numbers(name: &str) -> impl Iterator<Item = u128> {
-    name.split(['_', '.']).filter_map(|part| part.parse().ok())
-}
-
-/// What is in a directory; nothing, if it cannot be read.
-fn entries(directory: &Path) -> impl Iterator<Item = (String, DirEntry)> {
-    let entries = fs::read_dir(directory).into_iter().flatten().flatten();
-    entries.filter_map(|entry| Some((entry.file_name().into_string().ok()?, entry)))
-}
-
-/// Removes a file or a directory. It may have gone already; if it cannot be removed, the next may try.
-fn remove(path: &Path) {
-    let _ = match fs::symlink_metadata(path) {
-        Ok(found) if found.is_dir() => fs::remove_dir_all(path),
-        _ => fs::remove_file(path),
-    };
 }
 
 /// Makes a directory that is ours alone, or makes sure that it is.

@@ -1,25 +1,29 @@
 //! The bus over iceoryx2: zero-copy shared memory between the processes of one machine.
 //!
-//! Each topic is a publish-subscribe service `mtj/<session>/<topic>`. A loop's reader has a buffer
-//! of one with safe overflow, so the newest sample wins; a stream's reader has a deep one. Readers
-//! that block have a listener beside it, and writers notify only while there is one, so a spinning
+//! Each topic is a publish-subscribe service `mtj/<session>/<topic>`, through which everybody gets every sample.
+//! Beside it each writer of what closes the loop has a [`lane`], from which those who follow it get the newest
+//! sample sooner. Readers that block have a listener, and writers notify only while there is one, so a spinning
 //! loop makes no system calls. The scenario is a service of bytes with a history of one.
 
 mod domain;
+mod lane;
 mod members;
 mod refusal;
 mod scarcity;
+mod sweep;
 
 use std::{
     any::Any,
-    cell::RefCell,
+    cell::{Cell, RefCell},
     os::fd::BorrowedFd,
+    rc::Rc,
     sync::Arc,
     thread,
     time::{Duration, Instant},
 };
 
 use iceoryx2::{
+    identifiers::UniquePublisherId,
     port::{
         listener::Listener, notifier::Notifier, publisher::Publisher, subscriber::Subscriber,
         update_connections::UpdateConnections,
@@ -32,6 +36,7 @@ use nix::poll::{PollFd, PollFlags, ppoll};
 
 use self::{
     domain::{Broom, Domain, Indoors},
+    lane::{LaneReader, LaneWriter},
     members::Members,
     refusal::Trouble,
     scarcity::failure,
@@ -42,7 +47,7 @@ use crate::{
         Shared, Writer,
     },
     member::Member,
-    sample::Sample,
+    sample::{Header, Sample},
 };
 
 /// How many processes may read a topic, monitors included.
@@ -56,9 +61,17 @@ const MAX_OFFER: usize = 65536;
 /// How often a stream's reader looks again; it is no part of the loop, so it does not ask to be woken.
 const STREAM_POLL: Duration = Duration::from_millis(1);
 
+/// Of the looks of somebody who spins and follows a writer, every how many one is for what others have written.
+const GLANCE: u32 = 32;
+
 /// A session on shared memory.
 pub struct Iceoryx2Bus {
     offers: RefCell<Offers>,
+    place: Rc<Place>,
+}
+
+/// Where a session is, and our part in it.
+struct Place {
     session: String,
     node: Indoors<Node<ipc::Service>>,
     domain: Arc<Domain>,
@@ -78,15 +91,13 @@ impl Iceoryx2Bus {
         set_log_level_from_env_or(LogLevel::Fatal);
         let domain = Domain::open()?;
         let node = domain.settle()?;
-        Ok(Self {
-            offers: RefCell::default(),
-            session: session.to_owned(),
-            node,
-            _broom: Broom(Arc::clone(&domain)),
-            domain,
-        })
+        let _broom = Broom(Arc::clone(&domain));
+        let place = Place { session: session.to_owned(), node, domain, _broom };
+        Ok(Self { offers: RefCell::default(), place: Rc::new(place) })
     }
+}
 
+impl Place {
     fn name(&self, topic: &str) -> Result<ServiceName, Trouble> {
         Ok(ServiceName::new(&format!("mtj/{}/{topic}", self.session))?)
     }
@@ -136,6 +147,10 @@ impl Iceoryx2Bus {
             .open_or_create()?)
     }
 
+    fn lane_name<S: Sample>(&self, publisher: UniquePublisherId) -> Result<ServiceName, Trouble> {
+        self.name(&format!("{}/{}", S::TOPIC, publisher.value()))
+    }
+
     /// Makes something of a topic's, or says why not.
     fn make<T>(
         &self,
@@ -154,9 +169,13 @@ impl Iceoryx2Bus {
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()?;
         self.domain.reserve(publisher.id().value(), MAX_READERS)?;
+        let lane = match S::CLOSES_THE_LOOP {
+            true => Some(LaneWriter::create(&self.node, &self.lane_name::<S>(publisher.id())?)?),
+            false => None,
+        };
         let event = self.event_service(S::TOPIC)?;
         let notifier = event.notifier_builder().create()?;
-        Ok(WriteEnd { publisher, notifier, event })
+        Ok(WriteEnd { publisher, lane, notifier, event })
     }
 
     fn read_end<S: Sample>(&self, buffer: usize, listens: bool) -> Result<ReadEnd<S>, Trouble> {
@@ -178,21 +197,29 @@ impl Iceoryx2Bus {
 
 impl Bus for Iceoryx2Bus {
     fn writer<S: Sample>(&self) -> Result<Box<dyn Writer<S>>, BusError> {
-        Ok(Box::new(Iceoryx2Writer(self.make(S::TOPIC, || self.write_end::<S>())?)))
+        let end = self.place.make(S::TOPIC, || self.place.write_end::<S>())?;
+        Ok(Box::new(Iceoryx2Writer { end, expedited: None }))
     }
 
     fn reader<S: Sample>(&self, depth: Depth, wait: Wait) -> Result<Box<dyn Reader<S>>, BusError> {
         let buffer = match depth {
-            Depth::Latest => 1,
             Depth::Recent => RECENT_DEPTH,
             Depth::Stream => STREAM_DEPTH,
         };
-        let listens = depth != Depth::Stream && wait == Wait::Block;
-        Ok(Box::new(Iceoryx2Reader(self.make(S::TOPIC, || self.read_end::<S>(buffer, listens))?)))
+        let listens = depth != Depth::Stream && wait != Wait::Spin;
+        Ok(Box::new(Iceoryx2Reader {
+            end: self.place.make(S::TOPIC, || self.place.read_end::<S>(buffer, listens))?,
+            last: None,
+            followed: None,
+            lane: None,
+            looks: Cell::new(0),
+            is_spinning: Cell::new(false),
+            place: Rc::clone(&self.place),
+        }))
     }
 
     fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {
-        let mut offer = Iceoryx2Offer(self.make("scenario", || self.offer_end())?);
+        let mut offer = Iceoryx2Offer(self.place.make("scenario", || self.place.offer_end())?);
         offer.renew(bytes)?;
         Ok(Box::new(offer))
     }
@@ -200,8 +227,8 @@ impl Bus for Iceoryx2Bus {
     fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
         let mut offers = self.offers.borrow_mut();
         if offers.subscriber.is_none() {
-            let subscribe = || Ok(self.offer_service()?.subscriber_builder().create()?);
-            offers.subscriber = Some(self.make("scenario", subscribe)?);
+            let subscribe = || Ok(self.place.offer_service()?.subscriber_builder().create()?);
+            offers.subscriber = Some(self.place.make("scenario", subscribe)?);
         }
         while let Some(subscriber) = &offers.subscriber
             && let Some(sample) = subscriber.receive().map_err(failure("scenario"))?
@@ -214,13 +241,14 @@ impl Bus for Iceoryx2Bus {
     }
 
     fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError> {
-        let members = Members::of(&self.domain, &self.session)?;
-        let _inside = self.domain.enter()?;
+        let Place { domain, session, .. } = &*self.place;
+        let members = Members::of(domain, session)?;
+        let _inside = domain.enter()?;
         members.announce(member)
     }
 
     fn attendance(&self) -> Result<Box<dyn Attendance>, BusError> {
-        Ok(Box::new(Members::of(&self.domain, &self.session)?))
+        Ok(Box::new(Members::of(&self.place.domain, &self.place.session)?))
     }
 }
 
@@ -230,27 +258,68 @@ impl Shared for Iceoryx2Bus {
     }
 
     fn sessions(&self) -> Result<Box<dyn Sessions>, BusError> {
-        Ok(Box::new(Members::of_all(&self.domain)?))
+        Ok(Box::new(Members::of_all(&self.place.domain)?))
     }
 }
 
 struct WriteEnd<S: Sample> {
     publisher: Publisher<ipc::Service, S, ()>,
+    lane: Option<LaneWriter<S>>,
     notifier: Notifier<ipc::Service>,
     event: event::PortFactory<ipc::Service>,
 }
 
-struct Iceoryx2Writer<S: Sample>(Indoors<WriteEnd<S>>);
+struct Iceoryx2Writer<S: Sample> {
+    end: Indoors<WriteEnd<S>>,
+    /// What is not in the stream yet.
+    expedited: Option<S>,
+}
+
+impl<S: Sample> WriteEnd<S> {
+    fn publish(&self, sample: &S) -> Result<(), BusError> {
+        self.publisher.send_copy(*sample).map(|_| ()).map_err(failure(S::TOPIC))
+    }
+
+    /// Whether somebody sleeps until he is woken.
+    fn has_sleepers(&self) -> bool {
+        self.event.dynamic_config().number_of_listeners() > 0
+    }
+
+    fn wake(&self) {
+        if self.has_sleepers() {
+            // A listener that died meanwhile is no reason to stop.
+            let _ = self.notifier.notify();
+        }
+    }
+}
 
 impl<S: Sample> Writer<S> for Iceoryx2Writer<S> {
     fn write(&mut self, sample: &S) -> Result<(), BusError> {
-        let WriteEnd { publisher, notifier, event } = &*self.0;
-        publisher.send_copy(*sample).map_err(failure(S::TOPIC))?;
-        if event.dynamic_config().number_of_listeners() > 0 {
-            // A listener that died meanwhile is no reason to stop.
-            let _ = notifier.notify();
+        self.settle()?;
+        if let Some(lane) = &self.end.lane {
+            lane.write(sample);
         }
+        self.end.publish(sample)?;
+        self.end.wake();
         Ok(())
+    }
+
+    fn expedite(&mut self, sample: &S) -> Result<(), BusError> {
+        match &self.end.lane {
+            // Whoever sleeps may not follow us yet, and is woken but once.
+            Some(lane) if !self.end.has_sleepers() => lane.write(sample),
+            _ => return self.write(sample),
+        }
+        self.settle()?;
+        self.expedited = Some(*sample);
+        Ok(())
+    }
+
+    fn settle(&mut self) -> Result<(), BusError> {
+        match self.expedited.take() {
+            Some(sample) => self.end.publish(&sample),
+            None => Ok(()),
+        }
     }
 }
 
@@ -259,17 +328,53 @@ struct ReadEnd<S: Sample> {
     listener: Option<Listener<ipc::Service>>,
 }
 
-struct Iceoryx2Reader<S: Sample>(Indoors<ReadEnd<S>>);
+struct Iceoryx2Reader<S: Sample> {
+    end: Indoors<ReadEnd<S>>,
+    /// Who wrote what was taken last from the stream, and what that was.
+    last: Option<(UniquePublisherId, Header)>,
+    followed: Option<UniquePublisherId>,
+    /// Of the writer that is followed, if it has one.
+    lane: Option<Indoors<LaneReader<S>>>,
+    /// How often its owner has paused between two looks, and whether the last thing he did was that.
+    looks: Cell<u32>,
+    is_spinning: Cell<bool>,
+    place: Rc<Place>,
+}
+
+impl<S: Sample> Iceoryx2Reader<S> {
+    /// The next sample of the stream that did not come by the lane.
+    fn take_from_stream(&mut self) -> Result<Option<S>, BusError> {
+        for _ in 0..RECENT_DEPTH {
+            let found = self.end.subscriber.receive().map_err(failure(S::TOPIC))?;
+            let Some(sample) = found else { break };
+            let writer = sample.header().publisher_id();
+            if self.lane.is_none() || self.followed != Some(writer) {
+                self.last = Some((writer, *sample.payload().header()));
+                return Ok(Some(*sample.payload()));
+            }
+        }
+        Ok(None)
+    }
+}
 
 impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
     fn take(&mut self) -> Result<Option<S>, BusError> {
-        let sample = self.0.subscriber.receive().map_err(failure(S::TOPIC))?;
-        Ok(sample.map(|sample| *sample.payload()))
+        if let Some(lane) = &mut self.lane {
+            if let Some(sample) = lane.take() {
+                self.last = None;
+                return Ok(Some(sample));
+            }
+            // Whoever spins has just looked at the stream.
+            if self.is_spinning.take() && !self.looks.get().is_multiple_of(GLANCE) {
+                return Ok(None);
+            }
+        }
+        self.take_from_stream()
     }
 
     fn sleep(&mut self, until: Instant) -> Result<(), BusError> {
         let patience = until.saturating_duration_since(Instant::now());
-        match &self.0.listener {
+        match &self.end.listener {
             None => thread::sleep(patience.min(STREAM_POLL)),
             Some(listener) => {
                 wait_readable(listener, patience);
@@ -280,8 +385,35 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
         Ok(())
     }
 
+    fn pause(&self) {
+        self.is_spinning.set(true);
+        self.looks.set(self.looks.get().wrapping_add(1));
+        std::hint::spin_loop();
+    }
+
+    fn follow(&mut self) -> Result<(), BusError> {
+        // What came by the lane leaves nothing to be done.
+        let Some((writer, known)) = self.last.take() else { return Ok(()) };
+        if self.followed == Some(writer) {
+            return Ok(());
+        }
+        self.followed = Some(writer);
+        self.lane = None;
+        let place = &self.place;
+        let open = || {
+            let name = place.lane_name::<S>(writer)?;
+            LaneReader::open(&place.node, &name, &known)
+        };
+        // A writer that has none, or has gone, is heard through the stream.
+        self.lane = place.domain.try_make(|| open().ok())?;
+        Ok(())
+    }
+
     fn has_more(&self) -> bool {
-        self.0.subscriber.has_samples().unwrap_or(false)
+        match &self.lane {
+            Some(lane) => lane.has_news(),
+            None => self.end.subscriber.has_samples().unwrap_or(false),
+        }
     }
 
     fn malformed(&self) -> u64 {

@@ -4,10 +4,15 @@ use std::{fmt::Debug, io, path::Path};
 
 use iceoryx2::{
     port::{
-        listener::ListenerCreateError, notifier::NotifierCreateError,
-        publisher::PublisherCreateError, subscriber::SubscriberCreateError,
+        listener::ListenerCreateError,
+        notifier::NotifierCreateError,
+        publisher::PublisherCreateError,
+        reader::{EntryHandleError, ReaderCreateError},
+        subscriber::SubscriberCreateError,
+        writer::{EntryHandleMutError, WriterCreateError},
     },
     service::builder::{
+        blackboard::{BlackboardCreateError, BlackboardOpenError},
         event::{EventOpenError, EventOpenOrCreateError},
         publish_subscribe::{PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError},
     },
@@ -152,10 +157,19 @@ impl From<ListenerCreateError> for Trouble {
     }
 }
 
-impl From<ServiceNameError> for Trouble {
-    fn from(error: ServiceNameError) -> Self {
-        Self::other(error)
-    }
+macro_rules! something_else {
+    ($($error:ident),*) => {
+        $(impl From<$error> for Trouble {
+            fn from(error: $error) -> Self {
+                Self::other(error)
+            }
+        })*
+    };
+}
+
+something_else! {
+    ServiceNameError, BlackboardCreateError, BlackboardOpenError, WriterCreateError,
+    EntryHandleMutError, ReaderCreateError, EntryHandleError
 }
 
 impl From<io::Error> for Trouble {

@@ -143,7 +143,7 @@ impl ControllerPort {
 
     /// Answers a state.
     pub fn send(&mut self, torque: &TorqueSample) -> Result<(), BusError> {
-        self.torques.write(&TorqueSample { controller: self.id, ..*torque })
+        self.torques.expedite(&TorqueSample { controller: self.id, ..*torque })
     }
 
     /// Tells monitors how the law saw the instant. Off the critical path: after [`Self::send`].
@@ -151,8 +151,11 @@ impl ControllerPort {
         self.errors.write(error)
     }
 
-    /// Tells everybody that we are there. Off the critical path too; to be called often.
+    /// Tells everybody what we sent, and that we are there. Off the critical path too; to be called after
+    /// each state.
     pub fn tell(&mut self, state: &StateSample) -> Result<(), BusError> {
+        self.torques.settle()?;
+        self.states.follow()?;
         self.presence.tell(&state.header)
     }
 

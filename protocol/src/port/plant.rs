@@ -1,6 +1,6 @@
 //! The plant's end of the bus.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use mtj_model::scenario::{Scenario, Wait};
 
@@ -11,6 +11,9 @@ use crate::{
     member::{Member, Role},
     sample::{ChangeSample, RequestSample, StateSample, StatusSample, TorqueSample},
 };
+
+/// For how long after a state was sent the plant does nothing but wait for the answer; then it tells monitors.
+const PROMPT: Duration = Duration::from_micros(20);
 
 /// The plant's end: writes states, status and changes, reads torques and requests, offers the scenario.
 pub struct PlantPort {
@@ -26,6 +29,8 @@ pub struct PlantPort {
     gate: Gate,
     lease: Lease,
     asked: Asked,
+    /// Until when an answer to what was asked is prompt.
+    prompt: Instant,
     complaints: Complaints,
 }
 
@@ -46,6 +51,7 @@ impl PlantPort {
             gate: Gate::new(run).for_arm(scenario.arm.links.len()),
             lease: Lease::new(scenario.safety.lease, bus.attendance()?),
             asked: Asked::default(),
+            prompt: Instant::now(),
             complaints: Complaints::default(),
         })
     }
@@ -126,11 +132,22 @@ impl Exchange for PlantPort {
         let (times, answers) =
             if is_again { (self.asked.times + 1, self.asked.answers) } else { (1, 0) };
         self.asked = Asked { state: *state, times, answers };
-        let leader = self.lease.leader(Instant::now())?;
-        self.states.write(&StateSample { leader, ..*state })
+        let now = Instant::now();
+        let leader = self.lease.leader(now)?;
+        self.prompt = now + PROMPT;
+        self.states.expedite(&StateSample { leader, ..*state })
     }
 
     fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
+        if self.wait != Wait::Block
+            && self.asked.answers == 0
+            && let Some(answer) = self.listen(self.prompt.min(until))?
+        {
+            return Ok(Some(answer));
+        }
+        // The loop has what it needs, or waits for somebody who does not follow us yet.
+        self.states.settle()?;
+        self.torques.follow()?;
         loop {
             let lapse = self.lease.lapse().filter(|lapse| *lapse < until);
             if let Some(answer) = self.listen(lapse.unwrap_or(until))? {

@@ -22,7 +22,8 @@ macro_rules! for_every_bus {
 
 for_every_bus! {
     transport::a_stream_keeps_order;
-    transport::the_latest_value_wins_and_is_read_once;
+    transport::a_follower_gets_the_newest_once_and_the_stream_gets_all;
+    transport::whoever_follows_hears_others_too;
     transport::a_reader_waits_as_long_as_it_is_told_and_no_longer_than_it_must;
     transport::topics_and_sessions_do_not_mix;
     transport::a_monitor_loses_nothing_at_a_kilohertz_beside_a_loop;

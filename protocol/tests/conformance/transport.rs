@@ -48,34 +48,77 @@ pub fn a_stream_keeps_order<R: Rig>() {
     assert_eq!(stream.malformed(), 0);
 }
 
-pub fn the_latest_value_wins_and_is_read_once<R: Rig>() {
+pub fn a_follower_gets_the_newest_once_and_the_stream_gets_all<R: Rig>() {
     let rig = R::new();
     let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Controller));
     let mut writer = plant.writer().unwrap();
-    let mut latest = other.reader::<StateSample>(Depth::Latest, Wait::Spin).unwrap();
+    let mut follower = other.reader::<StateSample>(Depth::Recent, Wait::Spin).unwrap();
     let mut stream = other.reader::<StateSample>(Depth::Stream, Wait::Block).unwrap();
-    let first = meet(&mut *writer, &mut [&mut *latest, &mut *stream]);
+    let first = meet(&mut *writer, &mut [&mut *stream]);
+    eventually("the writer", || follower.take().unwrap());
+    follower.follow().unwrap();
     for round in 0..5 {
         let last = first + 100 * round + 99;
         for sequence in last - 99..=last {
-            writer.write(&state(sequence)).unwrap();
+            writer.expedite(&state(sequence)).unwrap();
             thread::sleep(Duration::from_millis(1));
         }
-        // When the stream has the last one, so has the process; its other reader is a moment away.
-        while receive(&mut *stream, Wait::Block, soon()).unwrap().unwrap().header.sequence != last {
+        let mut newest = None;
+        eventually("the newest", || {
+            while let Some(found) = follower.take().unwrap() {
+                assert!(newest < Some(found.header.sequence), "newer and newer");
+                newest = Some(found.header.sequence);
+                assert_eq!(found, state(found.header.sequence), "and unharmed");
+            }
+            (newest == Some(last)).then_some(())
+        });
+        writer.settle().unwrap();
+        writer.settle().unwrap();
+        let mut expected = last - 99;
+        while let Some(found) = receive(&mut *stream, Wait::Block, glance()).unwrap() {
+            let in_order = found.header.sequence >= expected;
+            assert!(in_order && (R::DROPS || found.header.sequence == expected), "{expected}");
+            expected = found.header.sequence + 1;
         }
-        thread::sleep(Duration::from_millis(50));
-        assert_eq!(latest.take().unwrap().map(|found| found.header.sequence), Some(last));
-        assert_eq!(latest.take().unwrap(), None, "only once");
+        assert!(R::DROPS || expected == last + 1, "the stream ends before {expected}");
+        for _ in 0..100 {
+            assert_eq!(follower.take().unwrap(), None, "only once, by whatever way");
+        }
+    }
+}
+
+pub fn whoever_follows_hears_others_too<R: Rig>() {
+    let rig = R::new();
+    let (plant, one, another) =
+        (rig.join(Role::Plant), rig.join(Role::Controller), rig.join(Role::Controller));
+    let mut follower = plant.reader::<TorqueSample>(Depth::Recent, Wait::Spin).unwrap();
+    let mut writers = [one.writer().unwrap(), another.writer().unwrap()];
+    for sequence in 1..20 {
+        let followed = usize::from(sequence % 5 == 0);
+        for (i, writer) in writers.iter_mut().enumerate() {
+            let sample = TorqueSample { controller: i as u64 + 1, ..torque(sequence) };
+            eventually("a torque", || {
+                writer.expedite(&sample).unwrap();
+                writer.settle().unwrap();
+                receive(&mut *follower, Wait::Spin, glance()).unwrap().filter(|it| *it == sample)
+            });
+            while follower.take().unwrap().is_some() {}
+            if i == followed {
+                follower.follow().unwrap();
+            }
+        }
     }
 }
 
 pub fn a_reader_waits_as_long_as_it_is_told_and_no_longer_than_it_must<R: Rig>() {
     let rig = R::new();
     let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Controller));
-    for (depth, wait) in
-        [(Depth::Latest, Wait::Block), (Depth::Latest, Wait::Spin), (Depth::Stream, Wait::Block)]
-    {
+    for (depth, wait) in [
+        (Depth::Recent, Wait::Block),
+        (Depth::Recent, Wait::Spin),
+        (Depth::Recent, Wait::Hybrid(Duration::from_millis(1))),
+        (Depth::Stream, Wait::Block),
+    ] {
         let mut writer = plant.writer().unwrap();
         let mut reader = other.reader::<StateSample>(depth, wait).unwrap();
         let next = meet(&mut *writer, &mut [&mut *reader]);
@@ -133,7 +176,7 @@ pub fn a_monitor_loses_nothing_at_a_kilohertz_beside_a_loop<R: Rig>() {
         let _end = SetOnDrop(over);
         let controller = scope.spawn(move || {
             let bus = rig.join(Role::Controller);
-            let mut latest = bus.reader::<StateSample>(Depth::Latest, Wait::Block).unwrap();
+            let mut latest = bus.reader::<StateSample>(Depth::Recent, Wait::Block).unwrap();
             attached.store(true, Ordering::Release);
             let (mut seen, mut newest, end) = (0, None, soon() + Duration::from_secs(30));
             while !over.load(Ordering::Acquire) {

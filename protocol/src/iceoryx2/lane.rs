@@ -1,0 +1,82 @@
+//! A lane: the newest value of one writer, on iceoryx2's blackboard.
+//!
+//! A blackboard's entry has one writer, and one that is killed leaves it locked for as long as anybody has the
+//! service open (iceoryx2 #2008). So a lane belongs to one incarnation of a writer and is named by the number of
+//! its publisher, which no other ever has; who follows another writer opens another lane.
+
+use iceoryx2::{
+    port::{
+        reader::{BlackboardValue, EntryHandle},
+        writer::EntryHandleMut,
+    },
+    prelude::{Node, ServiceName, ipc},
+};
+
+use super::{MAX_NODES, MAX_READERS, refusal::Trouble};
+use crate::sample::{Header, Sample};
+
+/// A lane has one entry.
+const ENTRY: u8 = 0;
+
+/// The writing end.
+pub struct LaneWriter<S: Sample>(EntryHandleMut<ipc::Service, u8, S>);
+
+impl<S: Sample> LaneWriter<S> {
+    /// Makes the lane of this name. Only inside.
+    pub fn create(node: &Node<ipc::Service>, name: &ServiceName) -> Result<Self, Trouble> {
+        let service = node
+            .service_builder(name)
+            .blackboard_creator::<u8>()
+            .max_readers(MAX_READERS)
+            .max_nodes(MAX_NODES)
+            .add_with_default::<S>(ENTRY)
+            .create()?;
+        Ok(Self(service.writer_builder().create()?.entry(&ENTRY)?))
+    }
+
+    /// Makes a sample visible.
+    pub fn write(&self, sample: &S) {
+        self.0.update_with_copy(*sample);
+    }
+}
+
+/// The reading end.
+pub struct LaneReader<S: Sample> {
+    entry: EntryHandle<ipc::Service, u8, S>,
+    /// What was read last.
+    last: BlackboardValue<S>,
+    /// Whether that is still to be taken.
+    is_fresh: bool,
+}
+
+impl<S: Sample> LaneReader<S> {
+    /// Opens the lane of this name, whose writer's sample `known` was had from elsewhere. Only inside.
+    pub fn open(
+        node: &Node<ipc::Service>,
+        name: &ServiceName,
+        known: &Header,
+    ) -> Result<Self, Trouble> {
+        let service = node.service_builder(name).blackboard_opener::<u8>().open()?;
+        let entry = service.reader_builder().create()?.entry::<S>(&ENTRY)?;
+        let last = entry.get();
+        let is_fresh = last.header() != known;
+        Ok(Self { entry, last, is_fresh })
+    }
+
+    /// Whether there is a sample that was not taken.
+    pub fn has_news(&self) -> bool {
+        self.is_fresh || !self.entry.is_up_to_date(&self.last)
+    }
+
+    /// The newest sample, if it was not taken yet.
+    pub fn take(&mut self) -> Option<S> {
+        if !self.has_news() {
+            return None;
+        }
+        let before = if self.is_fresh { None } else { Some(*self.last) };
+        self.is_fresh = false;
+        self.last = self.entry.get();
+        // What was written while we read it last looks new once more.
+        (before != Some(*self.last)).then_some(*self.last)
+    }
+}
