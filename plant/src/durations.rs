@@ -39,6 +39,22 @@ impl Durations {
         self.0.saturating_record(ns.clamp(1, LONGEST_NS));
     }
 
+    /// Adds those of another run.
+    pub fn add(&mut self, other: &Self) {
+        // Both have the same bounds, so nothing can be out of them.
+        let _ = self.0.add(&other.0);
+    }
+
+    /// How many were recorded.
+    pub fn count(&self) -> u64 {
+        self.0.len()
+    }
+
+    /// How many were of each length, by the longest of each bucket, ns, shortest first.
+    pub fn buckets(&self) -> impl Iterator<Item = (u64, u64)> {
+        self.0.iter_recorded().map(|bucket| (bucket.value_iterated_to(), bucket.count_at_value()))
+    }
+
     /// The percentiles; `None` if nothing was recorded.
     pub fn percentiles(&self) -> Option<Percentiles> {
         let at = |q| self.0.value_at_quantile(q) as f64 / 1e3;

@@ -11,8 +11,8 @@ use std::{
 use clap::Args;
 use mtj_model::scenario::{Override, Scenario, ScenarioError};
 use mtj_protocol::{
-    bus::BusError, member::Role, options::BusOptions, port::PlantPort, shutdown::Shutdown,
-    transport::AnyBus,
+    bus::BusError, member::Role, options::BusOptions, port::PlantPort, realtime::RealtimeOptions,
+    shutdown::Shutdown, transport::AnyBus,
 };
 
 use crate::{
@@ -119,6 +119,9 @@ pub struct PlantOptions {
     /// What to do with the results.
     #[command(flatten)]
     pub output: OutputOptions,
+    /// How it runs.
+    #[command(flatten)]
+    pub realtime: RealtimeOptions,
     /// Stop when standard input ends
     #[arg(long, hide = true)]
     pub until_stdin_closes: bool,
@@ -182,9 +185,11 @@ impl PlantOptions {
             shutdown.when_stdin_closes();
         }
         let proceed = move || shutdown.proceed();
+        self.realtime.before_joining();
         let Some(bus) = AnyBus::open(&scenario.bus, Role::Plant, &proceed)? else { return Ok(()) };
         let mut run = fresh_run_id();
         let mut port = PlantPort::open(&bus, &scenario, run)?;
+        self.realtime.before_the_loop()?;
         let watch = Watch { trace: trace.is_some(), round_trips: true };
         loop {
             let outcome = plant::run(&scenario, run, &mut port, watch, &proceed)?;

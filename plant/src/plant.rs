@@ -16,6 +16,7 @@ use crate::{
     actuator::Actuator,
     agenda::{Agenda, Event},
     clock::{self, Clock},
+    durations::Durations,
     knobs::Knobs,
     ledger::Ledger,
     link::{Direction, Link},
@@ -42,6 +43,8 @@ pub struct Outcome {
     pub report: Report,
     /// Every sampling instant, if asked for.
     pub trace: Vec<Row>,
+    /// All round trips, if asked for.
+    pub round_trips: Durations,
     /// Whether the run was stopped before its end.
     pub interrupted: bool,
     /// The scenario of the run that was asked for instead of this one's end.
@@ -430,6 +433,7 @@ impl<'a> Plant<'a> {
         Outcome {
             report,
             trace: self.trace,
+            round_trips: self.ledger.round_trips,
             interrupted: self.stopped,
             reset: self.knobs.is_reset.then_some(self.scenario),
         }

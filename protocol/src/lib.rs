@@ -26,6 +26,7 @@ mod mailbox;
 pub mod member;
 pub mod options;
 pub mod port;
+pub mod realtime;
 pub mod sample;
 pub mod shutdown;
 pub mod transport;

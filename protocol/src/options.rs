@@ -6,7 +6,9 @@ use clap::Args;
 use mtj_model::scenario::{BusSettings, Override, ScenarioError, Wait};
 use toml::Value;
 
-use crate::{bus::BusError, member::Role, shutdown::Shutdown, transport::AnyBus};
+use crate::{
+    bus::BusError, member::Role, realtime::RealtimeOptions, shutdown::Shutdown, transport::AnyBus,
+};
 
 /// Where the others are. Each option stands for a key of the scenario's `[bus]` table.
 #[derive(Args, Clone, Debug, Default)]
@@ -110,6 +112,9 @@ pub struct RoleOptions {
     /// Where the plant is.
     #[command(flatten)]
     pub bus: BusOptions,
+    /// How it runs.
+    #[command(flatten)]
+    pub realtime: RealtimeOptions,
     /// Stop when standard input ends
     #[arg(long, hide = true)]
     pub until_stdin_closes: bool,
@@ -126,7 +131,10 @@ impl RoleOptions {
     pub fn join(&self, role: Role, shutdown: Shutdown) -> Result<Option<AnyBus>, BusError> {
         let settings =
             self.bus.settings().map_err(|error| BusError::Settings(error.to_string()))?;
-        AnyBus::open(&settings, role, &|| shutdown.proceed())
+        self.realtime.before_joining();
+        let bus = AnyBus::open(&settings, role, &|| shutdown.proceed())?;
+        self.realtime.before_the_loop()?;
+        Ok(bus)
     }
 
     /// How the user wants the role to wait, if that was said.

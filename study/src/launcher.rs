@@ -8,10 +8,11 @@ use std::{
     time::Duration,
 };
 
+use clap::Args;
 use mtj_model::scenario::{BusKind, Scenario};
 use mtj_monitor::options::LISTENING;
 use mtj_plant::{options::ScenarioOptions, report::Report};
-use mtj_protocol::{member::Role, shutdown::Shutdown};
+use mtj_protocol::{member::Role, realtime::RealtimeOptions, shutdown::Shutdown};
 use tokio::{
     io::{AsyncBufReadExt, AsyncReadExt, BufReader},
     process::{Child, ChildStderr, ChildStdin, Command},
@@ -76,6 +77,45 @@ pub struct Launch {
     pub trace: Option<std::path::PathBuf>,
     /// The monitor that shows the run, if one does.
     pub monitor: Option<Show>,
+    /// How plant and controller run.
+    pub realtime: LoopRealtime,
+}
+
+/// How the two ends of a loop run in real time.
+#[derive(Args, Clone, Debug, Default)]
+pub struct LoopRealtime {
+    /// Real-time priority of plant and controller, 1 to 99 (SCHED_FIFO)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=99))]
+    pub priority: Option<u8>,
+    /// The processors on which plant and controller stay, counted from 0
+    #[arg(long, value_name = "CORE,CORE", value_parser = two_cores)]
+    pub cpu: Option<(usize, usize)>,
+    /// Keep the memory of plant and controller from being paged out, and fault it in beforehand
+    #[arg(long)]
+    pub lock_memory: bool,
+}
+
+impl LoopRealtime {
+    /// What is for the plant.
+    pub fn plant(&self) -> RealtimeOptions {
+        self.end(self.cpu.map(|(plant, _)| plant))
+    }
+
+    /// What is for the controller.
+    pub fn controller(&self) -> RealtimeOptions {
+        self.end(self.cpu.map(|(_, controller)| controller))
+    }
+
+    fn end(&self, cpu: Option<usize>) -> RealtimeOptions {
+        RealtimeOptions { priority: self.priority, cpu, lock_memory: self.lock_memory }
+    }
+}
+
+fn two_cores(text: &str) -> Result<(usize, usize), String> {
+    let cores = text.split_once(',').and_then(|(plant, controller)| {
+        Some((plant.trim().parse().ok()?, controller.trim().parse().ok()?))
+    });
+    cores.ok_or_else(|| "two numbers, the plant's core and the controller's, like 0,1".to_owned())
 }
 
 /// How a run is shown.
@@ -114,7 +154,7 @@ impl Launch {
             None => None,
         };
         // Last, because the run begins with it: a recorder is to hear the first sample.
-        let arguments = self.other_arguments(scenario, None);
+        let arguments = self.controller_arguments(scenario);
         let mut controller = self.spawn("controller", &arguments, Stdio::null())?;
         let mut output = String::new();
         let mut results = plant.process.stdout.take().ok_or(LaunchError::NoReport)?;
@@ -152,6 +192,7 @@ impl Launch {
         let mut options = self.options.clone();
         options.bus.identity = None; // Is meant for the monitor; a plant is itself.
         let mut arguments = options.arguments();
+        arguments.extend(self.realtime.plant().arguments());
         arguments.push("--json".to_owned());
         if let Some(trace) = &self.trace {
             arguments.extend(["--trace".to_owned(), trace.display().to_string()]);
@@ -175,6 +216,10 @@ impl Launch {
             bus.listen = None;
         }
         bus.arguments()
+    }
+
+    fn controller_arguments(&self, scenario: &Scenario) -> Vec<String> {
+        [self.other_arguments(scenario, None), self.realtime.controller().arguments()].concat()
     }
 
     fn spawn(&self, role: &str, arguments: &[String], stdout: Stdio) -> io::Result<RoleProcess> {
@@ -214,7 +259,7 @@ impl Launch {
 
     /// The command that starts a controller for this launch.
     pub fn controller_command(&self, scenario: &Scenario) -> io::Result<std::process::Command> {
-        role_command("controller", &self.other_arguments(scenario, None), Stdio::null())
+        role_command("controller", &self.controller_arguments(scenario), Stdio::null())
     }
 }
 

@@ -3,6 +3,7 @@
 pub mod command;
 pub mod experiment;
 pub mod figure;
+pub mod latency;
 pub mod launcher;
 pub mod paper;
 pub mod predict;

@@ -12,6 +12,7 @@ use mtj_study::command::{
     certs::Certs,
     export::Export,
     knob::{Kick, Pause, Reset, Resume, Set},
+    latency::{Echo, Latency},
     paper::Paper,
     replay::Replay,
     run::Run,
@@ -48,6 +49,9 @@ enum Command {
     Resume(Resume),
     Reset(Reset),
     Kick(Kick),
+    Latency(Latency),
+    #[command(hide = true)]
+    Echo(Echo),
     Certs(Certs),
 }
 
@@ -86,6 +90,8 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Resume(resume) => resume.run(),
         Command::Reset(reset) => reset.run(),
         Command::Kick(kick) => kick.run(),
+        Command::Latency(latency) => latency.run(),
+        Command::Echo(echo) => echo.run(),
         Command::Certs(certs) => certs.run(),
     }
 }

@@ -5,12 +5,14 @@ use std::{cell::RefCell, process::Child};
 use mtj_model::scenario::{Override, Scenario};
 use mtj_plant::{
     options::{ScenarioOptions, fresh_run_id},
-    plant::{self, Watch},
-    report::Report,
+    plant::{self, Outcome, Watch},
 };
 use mtj_protocol::{bus::BusError, member::Role, port::PlantPort, transport::AnyBus};
 
-use crate::{command::Failure, launcher::Launch};
+use crate::{
+    command::Failure,
+    launcher::{Launch, LoopRealtime},
+};
 
 /// A controller process on a bus of its own, which follows the plant from run to run.
 pub struct Session {
@@ -25,15 +27,22 @@ impl Session {
     /// Opens a bus as the options say; `None` if asked to stop.
     pub fn open(
         options: ScenarioOptions,
+        realtime: LoopRealtime,
         proceed: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, Failure> {
-        let launch = Launch { trace: None, monitor: None, options };
+        let launch = Launch { trace: None, monitor: None, options, realtime };
         let named = launch.options.load()?;
         let launch = launch.separate(&named)?;
         let scenario = launch.options.load()?;
         let set = launch.options.bus.overrides();
+        launch.realtime.plant().before_joining();
         let bus = AnyBus::open(&scenario.bus, Role::Plant, proceed)?;
         Ok(bus.map(|bus| Self { bus, launch, scenario, set, controller: None }))
+    }
+
+    /// What it was opened with.
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
     }
 
     /// Runs a scenario on this bus; `None` if asked to stop. A controller that gave up at an earlier
@@ -42,12 +51,14 @@ impl Session {
         &mut self,
         scenario: &Scenario,
         proceed: &dyn Fn() -> bool,
-    ) -> Result<Option<Report>, Failure> {
+    ) -> Result<Option<Outcome>, Failure> {
         let scenario = Scenario::parse(&scenario.name, scenario.text(), &self.set)?;
         let controller = match self.controller.take() {
             Some(controller) => controller,
             None => self.launch.controller_command(&self.scenario)?.spawn()?,
         };
+        // Not before: a process is born where the one is that starts it.
+        self.launch.realtime.plant().before_the_loop()?;
         let controller = RefCell::new(controller);
         let is_alive = || matches!(controller.borrow_mut().try_wait(), Ok(None));
         let run = fresh_run_id();
@@ -59,7 +70,7 @@ impl Session {
             return Err(BusError::Controller("the controller gave up".to_owned()).into());
         }
         self.controller = Some(controller.into_inner());
-        Ok((!outcome.interrupted).then_some(outcome.report))
+        Ok((!outcome.interrupted).then_some(outcome))
     }
 }
 

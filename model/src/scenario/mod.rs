@@ -21,7 +21,7 @@ use toml::{Table, Value};
 
 pub use arm::ArmSettings;
 pub use builtin::{BUILT_IN, built_in};
-pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, Wait, is_name};
+pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, DEFAULT_SPIN, Wait, is_name};
 pub use law::{
     FactorKind, FactorSettings, Horizon, LawKind, LawSettings, MemoryPolicy, MemorySettings,
 };

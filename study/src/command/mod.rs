@@ -4,6 +4,7 @@ pub mod bridge;
 pub mod certs;
 pub mod export;
 pub mod knob;
+pub mod latency;
 pub mod paper;
 pub mod predict;
 pub mod replay;

@@ -9,7 +9,10 @@ use mtj_plant::{
 use mtj_protocol::{shutdown::Shutdown, transport::AnyBus};
 
 use super::Failure;
-use crate::{experiment, launcher::Launch};
+use crate::{
+    experiment,
+    launcher::{Launch, LoopRealtime},
+};
 
 /// One run without a screen; prints its measures
 #[derive(Args, Debug)]
@@ -18,6 +21,8 @@ pub struct Run {
     scenario: ScenarioOptions,
     #[command(flatten)]
     output: OutputOptions,
+    #[command(flatten)]
+    realtime: LoopRealtime,
 }
 
 impl Run {
@@ -27,13 +32,19 @@ impl Run {
         // Also tells at once whether the path can be written.
         let trace = self.output.create_trace()?;
         if scenario.bus.kind == BusKind::Local {
+            if let Some(option) = self.realtime.plant().arguments().first() {
+                return Err(Failure::bad_input(format!(
+                    "{option} is for processes, and bus.kind = \"local\" has none of their own; add --bus iceoryx2"
+                )));
+            }
             let shutdown = Shutdown::on_signals();
             let proceed = move || shutdown.proceed();
             let outcome = experiment::run(&scenario, trace.is_some(), &proceed)?;
             self.output.finish(&scenario, &outcome, trace)?;
         } else {
+            let trace = self.output.trace.clone();
             let launch =
-                Launch { options: self.scenario, trace: self.output.trace.clone(), monitor: None };
+                Launch { options: self.scenario, trace, monitor: None, realtime: self.realtime };
             self.output.print(&launch_roles(launch, &scenario)?)?;
         }
         Ok(())

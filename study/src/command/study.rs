@@ -14,6 +14,7 @@ use mtj_protocol::{options::BusOptions, shutdown::Shutdown};
 
 use super::{Failure, predict::Predict, report::ReportStudy, which::Which};
 use crate::{
+    launcher::LoopRealtime,
     session::Session,
     sweep::{
         builtin::BUILT_IN,
@@ -104,7 +105,7 @@ impl RunStudy {
         let threads = self.threads.map_or_else(cores, NonZero::get);
         let is_complete = match self.bus_scenario(&plan)? {
             None => runner::run_in_process(&plan, &mut results, self.shard, threads, &proceed)?,
-            Some(options) => match Session::open(options, &proceed)? {
+            Some(options) => match Session::open(options, LoopRealtime::default(), &proceed)? {
                 None => false,
                 Some(mut session) => {
                     runner::run_over_bus(&plan, &mut results, self.shard, &mut session, &proceed)?

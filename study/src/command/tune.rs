@@ -112,7 +112,10 @@ impl Tune {
         let report = if scenario.bus.kind == BusKind::Local {
             experiment::run(&scenario, false, proceed)?.report
         } else {
-            launch_roles(Launch { options, trace: None, monitor: None }, &scenario)?
+            launch_roles(
+                Launch { options, trace: None, monitor: None, realtime: Default::default() },
+                &scenario,
+            )?
         };
         let trip = report.round_trip_us.ok_or_else(|| {
             Failure::from("the bus carried nothing from which a latency could be told".to_owned())

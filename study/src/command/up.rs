@@ -6,7 +6,7 @@ use mtj_monitor::options::AudienceOptions;
 use mtj_plant::options::ScenarioOptions;
 
 use super::{Failure, run::launch_roles};
-use crate::launcher::{Launch, Show};
+use crate::launcher::{Launch, LoopRealtime, Show};
 
 /// Start plant, controller and monitor in real time, with a live view; Ctrl-C ends all three
 #[derive(Args, Debug)]
@@ -15,6 +15,8 @@ pub struct Up {
     scenario: ScenarioOptions,
     #[command(flatten)]
     audience: AudienceOptions,
+    #[command(flatten)]
+    realtime: LoopRealtime,
     /// Without the dashboard in a browser
     #[arg(long, conflicts_with_all = ["web", "open"])]
     no_web: bool,
@@ -58,7 +60,8 @@ impl Up {
             self.audience.web = self.audience.web.wanted();
         }
         let monitor = Some(Show { greeting, arguments: self.audience.arguments() });
-        let launch = Launch { options: self.scenario, trace: None, monitor };
+        let launch =
+            Launch { options: self.scenario, trace: None, monitor, realtime: self.realtime };
         print!("{}", launch_roles(launch, &scenario)?);
         Ok(())
     }

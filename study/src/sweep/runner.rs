@@ -77,7 +77,7 @@ pub fn run_over_bus(
         let measured = match plan.scenario(*point) {
             Err(error) => Err(error.to_string()),
             Ok(scenario) => match session.run(&scenario, proceed) {
-                Ok(Some(report)) => Ok(report),
+                Ok(Some(outcome)) => Ok(outcome.report),
                 Ok(None) => break,
                 Err(error) => Err(error.to_string()),
             },

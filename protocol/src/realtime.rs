@@ -1,0 +1,110 @@
+//! The command line options by which a role gets a processor to itself, and keeps its memory.
+//!
+//! What the system refuses is said and gone without: a loop is only less punctual for it.
+
+use std::io;
+
+use clap::Args;
+use nix::{
+    libc,
+    sched::{CpuSet, sched_setaffinity},
+    sys::mman::{MlockAllFlags, mlockall},
+    unistd::Pid,
+};
+
+use crate::bus::BusError;
+
+/// How a role runs in real time.
+#[derive(Args, Clone, Debug, Default, PartialEq, Eq)]
+pub struct RealtimeOptions {
+    /// Real-time priority, 1 to 99: nothing of a lower one delays the role (SCHED_FIFO)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=99))]
+    pub priority: Option<u8>,
+    /// The processor on which the role's loop stays, counted from 0
+    #[arg(long, value_name = "CORE")]
+    pub cpu: Option<usize>,
+    /// Keep the role's memory from being paged out, and fault it in beforehand
+    #[arg(long)]
+    pub lock_memory: bool,
+}
+
+impl RealtimeOptions {
+    /// To be called before a role joins its bus: threads that the bus makes are to have the priority, too.
+    pub fn before_joining(&self) {
+        if let Some(priority) = self.priority
+            && let Err(error) = set_fifo(priority)
+        {
+            warn(
+                &format!("--priority {priority}"),
+                &error,
+                "run as root or give it CAP_SYS_NICE (setcap cap_sys_nice+ep), or raise RLIMIT_RTPRIO",
+            );
+        }
+        if self.lock_memory {
+            fault_in_stack();
+            // Populates all that is mapped: the program, its heap, its stack.
+            lock(MlockAllFlags::MCL_CURRENT);
+        }
+    }
+
+    /// To be called when a role has joined, before its loop begins.
+    pub fn before_the_loop(&self) -> Result<(), BusError> {
+        if self.lock_memory {
+            // What was joined is shared and for the most part never used: of that, what has been touched.
+            let on_fault = MlockAllFlags::from_bits_retain(libc::MCL_ONFAULT);
+            lock(MlockAllFlags::MCL_CURRENT | on_fault);
+        }
+        let Some(core) = self.cpu else { return Ok(()) };
+        let mut cores = CpuSet::new();
+        let pinned = cores.set(core).and_then(|()| sched_setaffinity(Pid::from_raw(0), &cores));
+        pinned.map_err(|error| {
+            let count = std::thread::available_parallelism().map_or(1, usize::from);
+            BusError::Settings(format!(
+                "--cpu {core}: {}; this process may use {count} of this machine's processors, counted from 0",
+                error.desc()
+            ))
+        })
+    }
+
+    /// The same options as arguments for another process.
+    pub fn arguments(&self) -> Vec<String> {
+        let mut arguments = Vec::new();
+        if let Some(priority) = self.priority {
+            arguments.extend(["--priority".to_owned(), priority.to_string()]);
+        }
+        if let Some(core) = self.cpu {
+            arguments.extend(["--cpu".to_owned(), core.to_string()]);
+        }
+        if self.lock_memory {
+            arguments.push("--lock-memory".to_owned());
+        }
+        arguments
+    }
+}
+
+fn lock(flags: MlockAllFlags) {
+    if let Err(error) = mlockall(flags) {
+        let remedy = "run as root or give it CAP_IPC_LOCK, or raise RLIMIT_MEMLOCK (ulimit -l)";
+        warn("--lock-memory", &error.into(), remedy);
+    }
+}
+
+fn warn(option: &str, error: &io::Error, remedy: &str) {
+    eprintln!("mtj: {option} was refused ({error}) and the loop goes on without; {remedy}");
+}
+
+#[expect(unsafe_code, reason = "nix wraps the scheduler's affinity, but not its policy")]
+fn set_fifo(priority: u8) -> io::Result<()> {
+    let parameters = libc::sched_param { sched_priority: priority.into() };
+    // SAFETY: the parameters outlive the call, which only reads them; 0 is the calling thread.
+    match unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameters) } {
+        0 => Ok(()),
+        _ => Err(io::Error::last_os_error()),
+    }
+}
+
+/// Touches more of the stack than the loop will use.
+#[inline(never)]
+fn fault_in_stack() {
+    std::hint::black_box([0_u8; 256 * 1024]);
+}
