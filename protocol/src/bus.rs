@@ -84,11 +84,9 @@ pub trait Reader<S> {
     fn take(&mut self) -> Result<Option<S>, BusError>;
     /// Sleeps until there may be a sample, or until `until`.
     fn sleep(&mut self, until: Instant) -> Result<(), BusError>;
-    /// Lets a moment pass between two looks. A transport whose own threads need a core to bring the
-    /// next sample yields it.
-    fn pause(&self) {
-        std::hint::spin_loop();
-    }
+    /// Looks for the next sample for a moment, a microsecond or so, and not everywhere every time. A transport
+    /// whose own threads need a core to bring it yields that.
+    fn spin(&mut self) -> Result<Option<S>, BusError>;
     /// From now on looks first for what the writer of the sample taken last has [expedited](Writer::expedite),
     /// of which only the newest counts. May take a millisecond when that writer is another one than before.
     fn follow(&mut self) -> Result<(), BusError> {
@@ -116,16 +114,21 @@ pub fn receive<S>(
 ) -> Result<Option<S>, BusError> {
     let mut tired = None;
     loop {
-        if let Some(sample) = reader.take()? {
-            return Ok(Some(sample));
+        let found = match wait {
+            Wait::Block => reader.take()?,
+            Wait::Spin | Wait::Hybrid(_) => reader.spin()?,
+        };
+        if found.is_some() {
+            return Ok(found);
         }
         let now = Instant::now();
         if now >= until {
-            return Ok(None);
+            // Whoever spins may not have looked everywhere.
+            return reader.take();
         }
         match wait {
-            Wait::Spin => reader.pause(),
-            Wait::Hybrid(spin) if now < *tired.get_or_insert(now + spin) => reader.pause(),
+            Wait::Spin => {}
+            Wait::Hybrid(spin) if now < *tired.get_or_insert(now + spin) => {}
             Wait::Block | Wait::Hybrid(_) => reader.sleep(until)?,
         }
     }

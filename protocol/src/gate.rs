@@ -77,15 +77,23 @@ impl Gate {
 
     /// Judges a sample and, if it is fresh, remembers it as the newest.
     pub fn judge<S: Sample>(&mut self, sample: &S) -> Verdict {
+        self.judge_if(sample, |_| None)
+    }
+
+    /// The same, where the owner knows more of what is not acceptable about samples of our run.
+    pub fn judge_if<S: Sample>(
+        &mut self,
+        sample: &S,
+        objection: impl FnOnce(&S) -> Option<Fault>,
+    ) -> Verdict {
         let header = sample.header();
+        let is_ours = header.run == self.run;
+        let is_of_our_arm = self.arm.is_none_or(|arm| arm == (header.joints, header.axes));
         let fault = match fault(sample) {
-            None | Some(Fault::NotFinite) if header.run != self.run => Some(Fault::Run),
-            None | Some(Fault::NotFinite)
-                if self.arm.is_some_and(|arm| arm != (header.joints, header.axes)) =>
-            {
-                Some(Fault::Arm)
-            }
-            other => other,
+            fault @ Some(Fault::Version | Fault::Malformed) => fault,
+            _ if !is_ours => Some(Fault::Run),
+            _ if !is_of_our_arm => Some(Fault::Arm),
+            not_finite => objection(sample).or(not_finite),
         };
         if let Some(fault) = fault {
             return self.refuse(fault);
@@ -127,6 +135,8 @@ pub fn fault<S: Sample>(sample: &S) -> Option<Fault> {
     if !within(header.joints, MAX_JOINTS) || !within(header.axes, MAX_AXES) {
         return Some(Fault::Malformed);
     }
-    let finite = sample.vectors().flatten().all(|x| x.is_finite());
+    // Without a way out in the middle, so that the compiler may look at several at once.
+    let is_finite = |numbers: &[f64]| numbers.iter().fold(true, |all, x| all & x.is_finite());
+    let finite = sample.vectors().all(is_finite);
     (!finite).then_some(Fault::NotFinite)
 }

@@ -82,8 +82,12 @@ impl<S: Sample, K> Reader<S> for MailboxReader<S, K> {
         Ok(())
     }
 
-    fn pause(&self) {
-        std::thread::yield_now();
+    fn spin(&mut self) -> Result<Option<S>, BusError> {
+        let found = self.take()?;
+        if found.is_none() {
+            std::thread::yield_now();
+        }
+        Ok(found)
     }
 
     fn has_more(&self) -> bool {

@@ -38,7 +38,6 @@ impl<T> Shareable for T {}
 pub trait Sample:
     Copy
     + Default
-    + PartialEq
     + std::fmt::Debug
     + Send
     + Serialize

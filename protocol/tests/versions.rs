@@ -13,7 +13,7 @@ use mtj_protocol::{
 use serde::{Deserialize, Serialize};
 
 /// A state as another version lays it out.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ZeroCopySend)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize, ZeroCopySend)]
 #[repr(C)]
 struct OtherState {
     header: Header,

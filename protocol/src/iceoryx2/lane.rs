@@ -73,10 +73,13 @@ impl<S: Sample> LaneReader<S> {
         if !self.has_news() {
             return None;
         }
-        let before = if self.is_fresh { None } else { Some(*self.last) };
         self.is_fresh = false;
-        self.last = self.entry.get();
-        // What was written while we read it last looks new once more.
-        (before != Some(*self.last)).then_some(*self.last)
+        loop {
+            self.last = self.entry.get();
+            // What was written while we read may be what we have read, and would look new once more.
+            if self.entry.is_up_to_date(&self.last) {
+                return Some(*self.last);
+            }
+        }
     }
 }

@@ -14,7 +14,7 @@ mod sweep;
 
 use std::{
     any::Any,
-    cell::{Cell, RefCell},
+    cell::RefCell,
     os::fd::BorrowedFd,
     rc::Rc,
     sync::Arc,
@@ -61,8 +61,9 @@ const MAX_OFFER: usize = 65536;
 /// How often a stream's reader looks again; it is no part of the loop, so it does not ask to be woken.
 const STREAM_POLL: Duration = Duration::from_millis(1);
 
-/// Of the looks of somebody who spins and follows a writer, every how many one is for what others have written.
-const GLANCE: u32 = 32;
+/// How often somebody who spins looks at the writer he follows before he looks at the clock; and how often he does
+/// that before he looks at what others have written.
+const LOOKS: u32 = 32;
 
 /// A session on shared memory.
 pub struct Iceoryx2Bus {
@@ -212,8 +213,7 @@ impl Bus for Iceoryx2Bus {
             last: None,
             followed: None,
             lane: None,
-            looks: Cell::new(0),
-            is_spinning: Cell::new(false),
+            spins: 0,
             place: Rc::clone(&self.place),
         }))
     }
@@ -335,9 +335,7 @@ struct Iceoryx2Reader<S: Sample> {
     followed: Option<UniquePublisherId>,
     /// Of the writer that is followed, if it has one.
     lane: Option<Indoors<LaneReader<S>>>,
-    /// How often its owner has paused between two looks, and whether the last thing he did was that.
-    looks: Cell<u32>,
-    is_spinning: Cell<bool>,
+    spins: u32,
     place: Rc<Place>,
 }
 
@@ -364,12 +362,21 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
                 self.last = None;
                 return Ok(Some(sample));
             }
-            // Whoever spins has just looked at the stream.
-            if self.is_spinning.take() && !self.looks.get().is_multiple_of(GLANCE) {
-                return Ok(None);
-            }
         }
         self.take_from_stream()
+    }
+
+    fn spin(&mut self) -> Result<Option<S>, BusError> {
+        let Some(lane) = &self.lane else { return self.take() };
+        for _ in 0..LOOKS {
+            if lane.has_news() {
+                return self.take();
+            }
+            std::hint::spin_loop();
+        }
+        // To look there takes as long as all of the above, and what closes the loop does not come from there.
+        self.spins = self.spins.wrapping_add(1);
+        if self.spins.is_multiple_of(LOOKS) { self.take() } else { Ok(None) }
     }
 
     fn sleep(&mut self, until: Instant) -> Result<(), BusError> {
@@ -383,12 +390,6 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
             }
         }
         Ok(())
-    }
-
-    fn pause(&self) {
-        self.is_spinning.set(true);
-        self.looks.set(self.looks.get().wrapping_add(1));
-        std::hint::spin_loop();
     }
 
     fn follow(&mut self) -> Result<(), BusError> {

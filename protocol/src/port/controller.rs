@@ -1,6 +1,9 @@
 //! A controller's end of the bus.
 
-use std::time::{Duration, Instant};
+use std::{
+    mem,
+    time::{Duration, Instant},
+};
 
 use mtj_model::scenario::Wait;
 
@@ -38,8 +41,9 @@ pub struct ControllerPort {
     errors: Box<dyn Writer<ErrorSample>>,
     presence: Presence,
     newest: Option<Header>,
-    /// When a state of our run came last.
+    /// When a state of our run came last, unless one came just now.
     heard: Instant,
+    has_heard: bool,
     scenario: Follower,
     wait: Wait,
     gate: Gate,
@@ -63,6 +67,7 @@ impl ControllerPort {
             presence: Presence::open(bus, member)?,
             newest: None,
             heard: Instant::now(),
+            has_heard: false,
             wait,
             gate: Gate::new(offered.run).for_arm(offered.scenario.arm.links.len()),
             stale: 0,
@@ -107,15 +112,15 @@ impl ControllerPort {
         match self.gate.judge(&state) {
             Verdict::Fresh => {
                 self.newest = Some(state.header);
-                self.heard = Instant::now();
+                self.has_heard = true;
                 self.stale = 0;
                 Some(Heard::State(state))
             }
             Verdict::Repeated => {
-                self.heard = Instant::now();
+                self.has_heard = true;
                 Some(Heard::Again(state))
             }
-            Verdict::Refused(Fault::Run) if self.heard.elapsed() > QUIET => {
+            Verdict::Refused(Fault::Run) if !self.has_heard && self.heard.elapsed() > QUIET => {
                 Some(Heard::OtherRun(state))
             }
             Verdict::Refused(fault) => {
@@ -155,6 +160,10 @@ impl ControllerPort {
     /// each state.
     pub fn tell(&mut self, state: &StateSample) -> Result<(), BusError> {
         self.torques.settle()?;
+        // Not in the critical path: to read a clock takes as long as to write a torque.
+        if mem::take(&mut self.has_heard) {
+            self.heard = Instant::now();
+        }
         self.states.follow()?;
         self.presence.tell(&state.header)
     }

@@ -62,21 +62,29 @@ impl Lease {
         self.takeovers = 0;
     }
 
-    /// Who is to answer the state that is sent `now`; 0 for anybody.
-    pub fn leader(&mut self, now: Instant) -> Result<u64, BusError> {
-        let has_lapsed =
-            self.waiting.is_some_and(|since| now.duration_since(since) >= self.duration);
-        let may_look = self.looked.is_none_or(|looked| now.duration_since(looked) >= LOOK);
-        if (self.leader == 0 || has_lapsed) && may_look {
-            self.looked = Some(now);
-            self.appoint(now)?;
+    /// Decides who is to answer the next state; 0 for anybody.
+    pub fn decide(&mut self) -> Result<u64, BusError> {
+        // The clock is read only when it matters: whoever is in charge and has answered stays so.
+        if self.leader == 0 || self.waiting.is_some() {
+            let now = Instant::now();
+            let has_lapsed =
+                self.waiting.is_some_and(|since| now.duration_since(since) >= self.duration);
+            let may_look = self.looked.is_none_or(|looked| now.duration_since(looked) >= LOOK);
+            if (self.leader == 0 || has_lapsed) && may_look {
+                self.looked = Some(now);
+                self.appoint(now)?;
+            }
         }
-        self.waiting.get_or_insert(now);
         Ok(self.leader)
     }
 
-    /// Who was to answer the state that was sent last.
-    pub fn named(&self) -> u64 {
+    /// A state was sent `now`, for whoever is in charge to answer.
+    pub fn asked(&mut self, now: Instant) {
+        self.waiting.get_or_insert(now);
+    }
+
+    /// Who is to answer the state that was sent last.
+    pub fn leader(&self) -> u64 {
         self.leader
     }
 

@@ -67,15 +67,11 @@ impl PlantPort {
 
     /// Whether a torque may pass: the gate knows samples, we know what was asked, and whom.
     fn judge(&mut self, torque: &TorqueSample) -> Verdict {
-        let is_ours = torque.header.run == self.run
-            && matches!(gate::fault(torque), None | Some(Fault::NotFinite));
-        if is_ours && torque.header.sequence > self.asked.state.header.sequence {
-            return self.gate.refuse(Fault::Unasked);
-        }
-        if is_ours && !self.lease.allows(torque.controller) {
-            return self.gate.refuse(Fault::NotInCharge);
-        }
-        let verdict = self.gate.judge(torque);
+        let (asked, lease) = (self.asked.state.header.sequence, &self.lease);
+        let verdict = self.gate.judge_if(torque, |torque| match torque.header.sequence > asked {
+            true => Some(Fault::Unasked),
+            false => (!lease.allows(torque.controller)).then_some(Fault::NotInCharge),
+        });
         match verdict {
             Verdict::Fresh => {
                 self.lease.answered(torque.controller);
@@ -129,13 +125,16 @@ impl Exchange for PlantPort {
     fn send(&mut self, state: &StateSample) -> Result<(), BusError> {
         let is_again =
             self.asked.times > 0 && self.asked.state.header.sequence == state.header.sequence;
+        let leader = self.lease.decide()?;
+        self.states.expedite(&StateSample { leader, ..*state })?;
+        // From here on it is on its way, and its answer takes longer than this.
+        let now = Instant::now();
+        self.lease.asked(now);
+        self.prompt = now + PROMPT;
         let (times, answers) =
             if is_again { (self.asked.times + 1, self.asked.answers) } else { (1, 0) };
         self.asked = Asked { state: *state, times, answers };
-        let now = Instant::now();
-        let leader = self.lease.leader(now)?;
-        self.prompt = now + PROMPT;
-        self.states.expedite(&StateSample { leader, ..*state })
+        Ok(())
     }
 
     fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
@@ -157,8 +156,8 @@ impl Exchange for PlantPort {
                 return Ok(None);
             }
             // Whoever takes over need not wait for the next sample.
-            let before = self.lease.named();
-            if lapse.is_some() && self.lease.leader(Instant::now())? != before {
+            let before = self.lease.leader();
+            if lapse.is_some() && self.lease.decide()? != before {
                 let state = self.asked.state;
                 self.send(&state)?;
             }

@@ -10,7 +10,7 @@ mod own;
 pub mod print;
 pub mod rate;
 
-use std::net::TcpListener;
+use std::{net::TcpListener, time::Duration};
 
 use mtj_model::scenario::{BusKind, Wait};
 use mtj_plant::durations::{Durations, Percentiles};
@@ -32,6 +32,20 @@ pub struct Way {
     /// How both ends wait.
     pub wait: Wait,
 }
+
+impl Way {
+    /// How often a round trip begins; as soon as the one before is over, if nothing is said.
+    ///
+    /// Ends that spin on shared memory do what is off the critical path, the stream for monitors, in the time
+    /// that is left of a sample period, so they are measured with one. Ends that sleep, or whose transport has
+    /// threads that do, are measured without, or the time that a core takes to wake up would outweigh all else.
+    fn period(&self) -> Option<Duration> {
+        (self.bus == BusKind::Iceoryx2 && self.wait == Wait::Spin).then_some(PERIOD)
+    }
+}
+
+/// The period of what is measured with one.
+const PERIOD: Duration = Duration::from_micros(50);
 
 /// How much is measured.
 #[derive(Clone, Debug)]

@@ -1,10 +1,11 @@
-//! Our loop: a plant in this process, its controller in another, in lockstep, so that a state goes out as
-//! soon as the arm has moved.
+//! Our loop: a plant in this process, its controller in another. In real time, where round trips begin at a given
+//! period; else in lockstep, so that a state goes out as soon as the arm has moved.
 
 use std::{
     process,
     sync::atomic::{AtomicU64, Ordering},
     thread,
+    time::Duration,
 };
 
 use mtj_model::scenario::BusKind;
@@ -16,6 +17,8 @@ use crate::{command::Failure, session::Session};
 
 /// The experiment: the paper's task under the law this is all about.
 const SCENARIO: &str = "sampled/mtj";
+/// Its sample period where that says nothing about wall time.
+const LOCKSTEP_PERIOD: Duration = Duration::from_millis(10);
 
 /// All round trips of a run of so many samples; `None` if asked to stop.
 pub fn measure(
@@ -23,11 +26,18 @@ pub fn measure(
     effort: &Effort,
     proceed: Proceed<'_>,
 ) -> Result<Option<Durations>, Failure> {
-    // At one integration step a sample the plant is back soonest.
-    let timing = format!("duration={} ms", 10 * effort.samples);
-    let set =
-        [&timing, "timing.clock=lockstep", "timing.integration_step=10 ms"].map(str::to_owned);
-    run(way, effort, set.to_vec(), proceed).map(|run| run.map(|outcome| outcome.round_trips))
+    let (clock, period) = match way.period() {
+        Some(period) => ("realtime", period.as_nanos()),
+        None => ("lockstep", LOCKSTEP_PERIOD.as_nanos()),
+    };
+    let set = vec![
+        format!("duration={} ns", period * u128::from(effort.samples)),
+        format!("timing.clock={clock}"),
+        format!("timing.sample_period={period} ns"),
+        // With one integration step a sample the plant is back soonest.
+        format!("timing.integration_step={period} ns"),
+    ];
+    run(way, effort, set, proceed).map(|run| run.map(|outcome| outcome.round_trips))
 }
 
 /// Runs the experiment, changed by `set`, in two processes.

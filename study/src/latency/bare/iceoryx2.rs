@@ -10,7 +10,7 @@ use mtj_model::scenario::Wait;
 use mtj_plant::durations::Durations;
 use mtj_protocol::sample::{StateSample, TorqueSample};
 
-use super::WARM_UP;
+use super::{WARM_UP, Way};
 use crate::command::Failure;
 
 /// How long to wait for an answer before the other process counts as gone.
@@ -21,10 +21,10 @@ const LOOK: Duration = Duration::from_millis(50);
 const LOOKS: u32 = 1024;
 
 /// Sends states and takes torques.
-pub fn ping(place: &str, wait: Wait, samples: u64) -> Result<Durations, Failure> {
+pub fn ping(place: &str, way: Way, samples: u64) -> Result<Durations, Failure> {
     let node = node()?;
-    let there = Sender::<StateSample>::open(&node, place, "there", wait)?;
-    let back = Receiver::<TorqueSample>::open(&node, place, "back", wait)?;
+    let there = Sender::<StateSample>::open(&node, place, "there", way.wait)?;
+    let back = Receiver::<TorqueSample>::open(&node, place, "back", way.wait)?;
     let mut trips = Durations::default();
     // The other process may still be on its way: the first sample is repeated until it is answered.
     let end = Instant::now() + GONE;
@@ -35,7 +35,14 @@ pub fn ping(place: &str, wait: Wait, samples: u64) -> Result<Durations, Failure>
         there.send(&StateSample::default())?;
     }
     while back.receive(Instant::now() + LOOK)?.is_some() {}
+    let mut due = Instant::now();
     for k in 0..WARM_UP + samples {
+        if let Some(period) = way.period() {
+            due += period;
+            while Instant::now() < due {
+                std::hint::spin_loop();
+            }
+        }
         let mut state = StateSample::default();
         state.header.sequence = k;
         let began = Instant::now();

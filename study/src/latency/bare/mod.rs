@@ -36,7 +36,7 @@ pub fn measure(way: Way, effort: &Effort) -> Result<Durations, Failure> {
             effort.realtime.plant().before_the_loop()?;
             match way.bus {
                 #[cfg(feature = "iceoryx2")]
-                BusKind::Iceoryx2 => iceoryx2::ping(&place, way.wait, effort.samples),
+                BusKind::Iceoryx2 => iceoryx2::ping(&place, way, effort.samples),
                 #[cfg(feature = "zenoh")]
                 BusKind::Zenoh => zenoh::ping(&place, effort.samples),
                 kind => Err(unknown(kind)),
