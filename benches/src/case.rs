@@ -7,6 +7,9 @@ use crate::{answer, step};
 /// The numbers of links that are measured.
 pub const LINKS: std::ops::RangeInclusive<usize> = 2..=7;
 
+/// How often each time is measured, with all others in between: a machine is slow for seconds at a stretch.
+pub const PASSES: usize = 3;
+
 /// One law in one setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Case {
@@ -109,6 +112,11 @@ impl Case {
             LINKS.flat_map(laws)
         };
         settings.flat_map(of).filter(Self::exists).collect()
+    }
+
+    /// Under which group criterion files what it measures in a setting and a pass.
+    pub fn group(setting: Setting, pass: usize) -> String {
+        format!("{setting}, pass {pass}")
     }
 
     /// Hands one step of the case to `meter`.
