@@ -1,6 +1,6 @@
 //! Instructions, counted by valgrind's callgrind.
 //!
-//! A program starts itself once more under callgrind, which counts only inside [`collected`] and
+//! A program starts itself once more under callgrind, which counts only inside `collected` and
 //! writes what it counted whenever that function returns: a file a case, in the order of the cases. So one run
 //! serves all cases, and nothing of the start or of a case's preparation is in a count. The counts are the
 //! same in every run on one machine; another processor may take another path through sine and exponential.
