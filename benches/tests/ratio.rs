@@ -1,0 +1,65 @@
+//! The paper's claim made physical: mtj costs little more than tj, whatever it remembers.
+
+use std::path::Path;
+
+use mtj_benches::{
+    callgrind,
+    case::{Case, LINKS, Law, Setting},
+    table::Figures,
+};
+
+/// Instructions of every loop. Its own process counts under callgrind: see `arithmetic --steps`.
+fn loops() -> Figures {
+    let cases = Case::all(Setting::loops().chain([Setting::Paper]));
+    let program = Path::new(env!("CARGO_BIN_EXE_arithmetic"));
+    let counts = callgrind::count(program, &["--steps"], &cases).expect("valgrind counts");
+    Figures::new(cases.into_iter().zip(counts))
+}
+
+/// Fails where an answer of a law costs more than `limit` of one of tj, whatever it remembers or predicts.
+fn assert_ratios(laws: &[Law], limit: impl Fn(usize) -> f64) {
+    let instructions = loops();
+    for setting in Setting::loops() {
+        for (links, law) in LINKS.flat_map(|links| laws.iter().map(move |law| (links, *law))) {
+            let case = Case { setting, links, law };
+            let ratio = instructions.ratio(case).expect("a count");
+            assert!(ratio <= limit(links), "{case}: {ratio:.3} of tj");
+            assert!(ratio > 1.0, "{case}: {ratio:.3} of tj, which does less");
+        }
+    }
+}
+
+#[test]
+fn an_answer_of_mtj_costs_at_most_fifteen_percent_more_instructions_than_one_of_tj() {
+    assert_ratios(&[Law::MtjSwitch, Law::MtjExponential], |_| 1.15);
+}
+
+#[test]
+fn with_an_exponential_for_each_axis_it_is_a_fifth_for_the_shortest_arms() {
+    // Two exponentials alone are a tenth of all that tj costs for two links.
+    assert_ratios(&[Law::MtjDiagonal], |links| if links < 4 { 1.20 } else { 1.15 });
+}
+
+/// Instructions of an answer of tj for two to seven links as they were recorded, on x86-64 with glibc 2.36.
+const RECORDED: [f64; 6] = [1065.0, 1214.0, 1364.0, 1516.0, 1667.0, 1862.0];
+/// What another compiler, C library or processor may make of it. A regression is a copy or a sine too many.
+const ALLOWANCE: f64 = 1.25;
+
+#[test]
+#[cfg_attr(not(target_arch = "x86_64"), ignore = "recorded on x86-64")]
+fn an_answer_costs_about_as_many_instructions_as_it_did() {
+    let instructions = loops();
+    for (links, recorded) in LINKS.zip(RECORDED) {
+        let case = Case { setting: Setting::LOOP, links, law: Law::Tj };
+        let count = instructions.of(case).expect("a count");
+        assert!(count < ALLOWANCE * recorded, "{case}: {count}, recorded {recorded}");
+    }
+}
+
+#[test]
+fn counts_are_the_same_each_time() {
+    let (one, other) = (loops(), loops());
+    for case in Case::all(Setting::loops()) {
+        assert_eq!(one.of(case), other.of(case), "{case}");
+    }
+}
