@@ -31,7 +31,7 @@ pub struct Lease {
     looked: Option<Instant>,
     /// Who did not answer, and when that was noticed.
     deposed: Option<(u64, Instant)>,
-    /// Whoever was in charge last.
+    /// Whoever answered last.
     before: u64,
     takeovers: u64,
 }
@@ -56,9 +56,10 @@ impl Lease {
         self.duration = duration;
     }
 
-    /// Another run begins: who is in charge stays so.
+    /// Another run begins: who is in charge stays so, but has to prove himself anew.
     pub fn restart(&mut self) {
         self.waiting = None;
+        self.before = 0;
         self.takeovers = 0;
     }
 
@@ -86,6 +87,11 @@ impl Lease {
     /// Who is to answer the state that was sent last.
     pub fn leader(&self) -> u64 {
         self.leader
+    }
+
+    /// Whether whoever is in charge has answered before.
+    pub fn is_proven(&self) -> bool {
+        self.leader != 0 && self.leader == self.before
     }
 
     /// When the lease of whoever is in charge lapses, if he does not answer before.

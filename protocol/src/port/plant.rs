@@ -1,6 +1,6 @@
 //! The plant's end of the bus.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use mtj_model::scenario::{Scenario, Wait};
 
@@ -11,9 +11,6 @@ use crate::{
     member::{Member, Role},
     sample::{ChangeSample, RequestSample, StateSample, StatusSample, TorqueSample},
 };
-
-/// For how long after a state was sent the plant does nothing but wait for the answer; then it tells monitors.
-const PROMPT: Duration = Duration::from_micros(20);
 
 /// The plant's end: writes states, status and changes, reads torques and requests, offers the scenario.
 pub struct PlantPort {
@@ -29,8 +26,6 @@ pub struct PlantPort {
     gate: Gate,
     lease: Lease,
     asked: Asked,
-    /// Until when an answer to what was asked is prompt.
-    prompt: Instant,
     complaints: Complaints,
 }
 
@@ -51,7 +46,6 @@ impl PlantPort {
             gate: Gate::new(run).for_arm(scenario.arm.links.len()),
             lease: Lease::new(scenario.safety.lease, bus.attendance()?),
             asked: Asked::default(),
-            prompt: Instant::now(),
             complaints: Complaints::default(),
         })
     }
@@ -128,9 +122,7 @@ impl Exchange for PlantPort {
         let leader = self.lease.decide()?;
         self.states.expedite(&StateSample { leader, ..*state })?;
         // From here on it is on its way, and its answer takes longer than this.
-        let now = Instant::now();
-        self.lease.asked(now);
-        self.prompt = now + PROMPT;
+        self.lease.asked(Instant::now());
         let (times, answers) =
             if is_again { (self.asked.times + 1, self.asked.answers) } else { (1, 0) };
         self.asked = Asked { state: *state, times, answers };
@@ -138,13 +130,14 @@ impl Exchange for PlantPort {
     }
 
     fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
-        if self.wait != Wait::Block
-            && self.asked.answers == 0
-            && let Some(answer) = self.listen(self.prompt.min(until))?
+        // As long as whoever answered before may answer now, there is nothing to do but wait for that.
+        if self.asked.answers == 0
+            && let Some(lapse) = self.lease.lapse().filter(|_| self.lease.is_proven())
+            && let Some(answer) = self.listen(lapse.min(until))?
         {
             return Ok(Some(answer));
         }
-        // The loop has what it needs, or waits for somebody who does not follow us yet.
+        // Now monitors have their turn, and those who do not follow us yet.
         self.states.settle()?;
         self.torques.follow()?;
         loop {
