@@ -183,8 +183,10 @@ impl Latency {
 impl Echo {
     /// Answers.
     pub fn run(self) -> Result<(), Failure> {
+        // First, so that who spins at a high priority does not keep from running what is to stop him.
+        let shutdown = Shutdown::on_signals().when_stdin_closes();
         self.realtime.before_joining();
         self.realtime.before_the_loop()?;
-        latency::echo(self.bus.into(), self.wait.into(), &self.place)
+        latency::echo(self.bus.into(), self.wait.into(), &self.place, &|| shutdown.proceed())
     }
 }

@@ -14,7 +14,6 @@ use std::{
 
 use mtj_model::scenario::{BusKind, Wait};
 use mtj_plant::durations::Durations;
-use mtj_protocol::shutdown::Shutdown;
 
 use super::{Effort, Way, free_endpoint};
 use crate::command::Failure;
@@ -46,15 +45,18 @@ pub fn measure(way: Way, effort: &Effort) -> Result<Durations, Failure> {
     })
 }
 
-/// The other process: answers until its standard input closes.
-pub fn echo(bus: BusKind, wait: Wait, place: &str) -> Result<(), Failure> {
-    let shutdown = Shutdown::on_signals().when_stdin_closes();
-    let proceed = || shutdown.proceed();
+/// The other process: answers as long as `proceed` says so.
+pub fn echo(
+    bus: BusKind,
+    wait: Wait,
+    place: &str,
+    proceed: &dyn Fn() -> bool,
+) -> Result<(), Failure> {
     match bus {
         #[cfg(feature = "iceoryx2")]
-        BusKind::Iceoryx2 => iceoryx2::pong(place, wait, &proceed),
+        BusKind::Iceoryx2 => iceoryx2::pong(place, wait, proceed),
         #[cfg(feature = "zenoh")]
-        BusKind::Zenoh => zenoh::pong(place, &proceed),
+        BusKind::Zenoh => zenoh::pong(place, proceed),
         kind => Err(unknown(kind)),
     }
 }
