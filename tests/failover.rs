@@ -37,7 +37,7 @@ fn plant(session: &Session) -> Running {
 
 /// A role with deadlines of some milliseconds needs a priority by which nothing else keeps it from them.
 fn in_real_time(session: &Session, priority: u32, arguments: &str) -> Running {
-    session.start_behind_on_bus(&["chrt", "--fifo", &priority.to_string()], arguments)
+    session.start(&format!("{arguments} --priority {priority}"))
 }
 
 fn report_of(mut plant: Running) -> Value {
