@@ -1,7 +1,7 @@
 //! The bus over iceoryx2: zero-copy shared memory between the processes of one machine.
 //!
 //! Each topic is a publish-subscribe service `mtj/<session>/<topic>`, through which everybody gets every sample.
-//! Beside it each writer of what closes the loop has a [`lane`], from which those who follow it get the newest
+//! Beside it each writer of what closes the loop has a lane, from which those who follow it get the newest
 //! sample sooner. Readers that block have a listener, and writers notify only while there is one, so a spinning
 //! loop makes no system calls. The scenario is a service of bytes with a history of one.
 
@@ -357,11 +357,9 @@ impl<S: Sample> Iceoryx2Reader<S> {
 
 impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
     fn take(&mut self) -> Result<Option<S>, BusError> {
-        if let Some(lane) = &mut self.lane {
-            if let Some(sample) = lane.take() {
-                self.last = None;
-                return Ok(Some(sample));
-            }
+        if let Some(sample) = self.lane.as_mut().and_then(|lane| lane.take()) {
+            self.last = None;
+            return Ok(Some(sample));
         }
         self.take_from_stream()
     }
