@@ -145,6 +145,9 @@ impl<S: Sample> Reader<S> for WatchedEnd<dyn Reader<S>> {
     fn follow(&mut self) -> Result<(), BusError> {
         self.0.follow()
     }
+    fn follows(&self) -> bool {
+        self.0.follows()
+    }
     fn has_more(&self) -> bool {
         self.0.has_more()
     }

@@ -92,6 +92,10 @@ pub trait Reader<S> {
     fn follow(&mut self) -> Result<(), BusError> {
         Ok(())
     }
+    /// Whether there is such a way from the writer that is followed.
+    fn follows(&self) -> bool {
+        false
+    }
     /// Whether there is another sample already.
     fn has_more(&self) -> bool;
     /// How many messages on the topic were no samples.

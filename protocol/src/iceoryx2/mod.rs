@@ -408,6 +408,10 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
         Ok(())
     }
 
+    fn follows(&self) -> bool {
+        self.lane.is_some()
+    }
+
     fn has_more(&self) -> bool {
         match &self.lane {
             Some(lane) => lane.has_news(),

@@ -79,6 +79,10 @@ impl ControllerPort {
 
     /// The newest acceptable state, waiting for one until `until`.
     pub fn receive(&mut self, until: Instant) -> Result<Option<Heard>, BusError> {
+        // Here, because it is not on the critical path: to read a clock takes a good part of what a law takes.
+        if mem::take(&mut self.has_heard) {
+            self.heard = Instant::now();
+        }
         while let Some(state) = bus::receive(&mut *self.states, self.wait, until)? {
             let mut heard = self.judge(state);
             // At most as many as can wait: whoever writes faster must not hold us for ever.
@@ -160,10 +164,6 @@ impl ControllerPort {
     /// each state.
     pub fn tell(&mut self, state: &StateSample) -> Result<(), BusError> {
         self.torques.settle()?;
-        // Not in the critical path: to read a clock takes as long as to write a torque.
-        if mem::take(&mut self.has_heard) {
-            self.heard = Instant::now();
-        }
         self.states.follow()?;
         self.presence.tell(&state.header)
     }

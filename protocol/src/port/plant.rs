@@ -130,9 +130,11 @@ impl Exchange for PlantPort {
     }
 
     fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
-        // As long as whoever answered before may answer now, there is nothing to do but wait for that.
+        // As long as whoever answered before may answer now, there is nothing to do but wait for that; unless
+        // he follows nobody, as a program that knows only the stream.
+        let is_close = self.torques.follows() && self.lease.is_proven();
         if self.asked.answers == 0
-            && let Some(lapse) = self.lease.lapse().filter(|_| self.lease.is_proven())
+            && let Some(lapse) = self.lease.lapse().filter(|_| is_close)
             && let Some(answer) = self.listen(lapse.min(until))?
         {
             return Ok(Some(answer));
