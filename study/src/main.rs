@@ -8,6 +8,7 @@ use mtj_monitor::options::MonitorOptions;
 use mtj_plant::options::PlantOptions;
 use mtj_study::command::{
     Failure,
+    bench::Bench,
     bridge::BridgeCommand,
     certs::Certs,
     export::Export,
@@ -49,6 +50,7 @@ enum Command {
     Reset(Reset),
     Kick(Kick),
     Certs(Certs),
+    Bench(Bench),
 }
 
 fn main() -> ExitCode {
@@ -87,5 +89,6 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Reset(reset) => reset.run(),
         Command::Kick(kick) => kick.run(),
         Command::Certs(certs) => certs.run(),
+        Command::Bench(bench) => bench.run(),
     }
 }
