@@ -127,9 +127,12 @@ impl<T: Scalar> Law<T> {
         match self {
             Self::Tj(law) => (without_memory(law.task_force(error)), T::zero()),
             Self::Mtj { law, acceleration } => {
-                let difference = desired.acceleration - tip_acceleration;
-                let error_acceleration = if *acceleration { Some(&difference) } else { None };
-                (law.task_force(error, recalled, error_acceleration), T::zero())
+                let error_acceleration = if *acceleration {
+                    Some(desired.acceleration - tip_acceleration)
+                } else {
+                    None
+                };
+                (law.task_force(error, recalled, error_acceleration.as_ref()), T::zero())
             }
             Self::Mb(law) => {
                 let (dynamics, condition) = task_dynamics(pose);
