@@ -100,6 +100,39 @@ fn a_study_is_the_same_on_any_number_of_threads_and_over_every_bus() {
 }
 
 #[test]
+fn a_study_in_lanes_is_the_same_on_any_number_of_threads_and_agrees_with_every_bus() {
+    let folder = Folder::new("lanes");
+    let study = write_study(&folder, 12, "2 s");
+    let auto = ["--set", "timing.integration_step=auto"];
+    let rows = |name: &str, way: &[&str]| {
+        let out = folder.path(name);
+        let output = run(&study, &out, &[&auto[..], way].concat());
+        assert!(output.status.success(), "{way:?}: {}", String::from_utf8_lossy(&output.stderr));
+        results(&out)
+    };
+    let expected = rows("one", &["--threads", "1"]);
+    assert_eq!(rows("five", &["--threads", "5"]), expected);
+    let over_bus = rows("bus", &["--bus", "iceoryx2"]);
+    let (ours, theirs) = (fields(&expected), fields(&over_bus));
+    let mut compared = 0;
+    for (ours, theirs) in ours.iter().zip(&theirs) {
+        assert_eq!(ours[..3], theirs[..3]);
+        let [ours, theirs] = [ours, theirs].map(|row| row[3].parse::<f64>().unwrap_or(f64::NAN));
+        // Beyond that the loop is a limit cycle, which blows up any difference.
+        if theirs < 0.05 {
+            compared += 1;
+            assert!((ours - theirs).abs() < 1e-9, "rms error {ours} m, over a bus {theirs} m");
+        }
+    }
+    assert!(compared > 20, "{compared}");
+}
+
+/// The fields of all rows.
+fn fields(results: &str) -> Vec<Vec<&str>> {
+    results.lines().skip(1).map(|row| row.split(',').collect()).collect()
+}
+
+#[test]
 fn a_study_killed_at_ten_moments_loses_and_repeats_no_point() {
     let folder = Folder::new("killed");
     let study = write_study(&folder, 200, "20 s");

@@ -4,22 +4,18 @@ use std::fmt;
 
 use mtj_model::{
     PLANE,
-    arm::{PlanarArm, Pose},
-    for_links, matrix,
-    scenario::{FactorKind, FactorSettings, LawKind, Scenario},
-    task::TaskDynamics,
-    trajectory::{Motion, Trajectory},
+    arm::Posture,
+    for_links,
+    scenario::{FactorKind, FactorSettings, Horizon, LawKind, LawSettings, Scenario},
 };
 use mtj_protocol::sample::{ErrorSample, StateSample, TorqueSample, padded};
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 
 use crate::{
-    law::{
-        Factor, ModelBased, ModifiedTransposeJacobian, Regulation, Remembered, TrackingError,
-        TransposeJacobian,
-    },
+    law::{Factor, ModelBased, ModifiedTransposeJacobian, TransposeJacobian},
     memory::Memory,
-    prediction::{Predictor, Tip},
+    prediction::{self, Tip},
+    responder::{Law, Recollection, Responder, is_singular},
 };
 
 /// A law with its memory, ready to answer states.
@@ -66,19 +62,16 @@ impl std::error::Error for LawError {}
 impl Controller {
     /// The controller that a scenario describes.
     pub fn new(scenario: &Scenario) -> Self {
-        let law = law(scenario, None, Predictor::new(scenario.law.prediction));
+        let law = law(scenario, None, Tip::unknown());
         Self { law, answered: TorqueSample::default(), error: ErrorSample::default() }
     }
 
     /// Goes on under a scenario that was changed while it runs, for the same arm: with what it remembers, so
     /// that a change of something else gives the arm no jerk.
     pub fn adopt(&mut self, scenario: &Scenario) {
-        let (memory, predictor) = self.law.remembered();
-        let (memory, predictor) = (
-            memory.map(|memory| memory.adopt(&scenario.law.memory)),
-            predictor.adopt(scenario.law.prediction),
-        );
-        self.law = law(scenario, memory, predictor);
+        let (memory, previous) = self.law.remembered();
+        let memory = memory.map(|memory| memory.adopt(&scenario.law.memory));
+        self.law = law(scenario, memory, previous);
     }
 
     /// τ = J_Cᵀ Q̂ for a measured state, with Q̂ from the law. The desired motion is evaluated at the
@@ -117,93 +110,64 @@ trait Respond {
     /// Believes to have answered the last state so.
     fn remember(&mut self, torque: &TorqueSample);
     /// What is known from earlier samples.
-    fn remembered(&self) -> (Option<Memory>, Predictor);
+    fn remembered(&self) -> (Option<Memory>, Tip<f64>);
 }
 
-fn law(scenario: &Scenario, memory: Option<Memory>, predictor: Predictor) -> Box<dyn Respond> {
+fn law(scenario: &Scenario, memory: Option<Memory>, previous: Tip<f64>) -> Box<dyn Respond> {
     for_links!(scenario.arm.links.len(), N => {
-        Box::new(ArmController::<N>::new(scenario, memory, predictor))
+        Box::new(ArmController::<N>::new(scenario, memory, previous))
     })
 }
 
 /// A law for an arm of `N` links.
 struct ArmController<const N: usize> {
-    /// The arm's geometry; for mb its mass properties too, as far as the model knows them.
-    arm: PlanarArm<f64, N>,
-    trajectory: Trajectory<f64>,
-    law: Law,
-    predictor: Predictor,
+    responder: Responder<f64, N>,
+    /// What mtj remembers.
+    memory: Option<Memory>,
+    horizon: Option<Horizon>,
+    previous: Tip<f64>,
 }
-
-enum Law {
-    Tj(TransposeJacobian<f64, PLANE>),
-    Mtj { law: ModifiedTransposeJacobian<f64, PLANE>, memory: Memory, acceleration: bool },
-    Mb(ModelBased<f64, PLANE>),
-}
-
-/// |J| |J⁻¹| beyond which a Jacobian counts as singular.
-const WORST_CONDITION: f64 = 1e9;
 
 impl<const N: usize> ArmController<N> {
-    fn new(scenario: &Scenario, memory: Option<Memory>, predictor: Predictor) -> Self {
+    fn new(scenario: &Scenario, memory: Option<Memory>, previous: Tip<f64>) -> Self {
         let settings = &scenario.law;
-        let (kp, kd) = (settings.kp, settings.kd);
-        let tj = TransposeJacobian { kp, kd };
-        let law = match settings.kind {
-            LawKind::Tj => Law::Tj(tj),
-            LawKind::Mtj => Law::Mtj {
-                law: ModifiedTransposeJacobian {
-                    tj,
-                    factor: factor(&settings.factor),
-                    ceiling: settings.factor.ceiling,
-                },
-                memory: memory.unwrap_or_else(|| Memory::new(&settings.memory)),
-                acceleration: settings.acceleration,
-            },
-            LawKind::Mb => Law::Mb(ModelBased { kp, kd }),
-        };
+        let has_memory = settings.kind == LawKind::Mtj;
         Self {
-            arm: scenario.arm.scaled(settings.mass_scale).build(),
-            trajectory: scenario.trajectory,
-            law,
-            predictor,
+            responder: Responder {
+                arm: scenario.arm.scaled(settings.mass_scale).build(),
+                trajectory: scenario.trajectory,
+                law: Law::new(settings),
+            },
+            memory: has_memory.then(|| memory.unwrap_or_else(|| Memory::new(&settings.memory))),
+            horizon: settings.prediction,
+            previous,
         }
     }
 
     fn forget(&mut self) {
-        self.predictor.forget();
-        if let Law::Mtj { memory, .. } = &mut self.law {
+        self.previous = Tip::unknown();
+        if let Some(memory) = &mut self.memory {
             memory.forget();
         }
     }
 }
 
-impl Law {
-    fn task_force<const N: usize>(
-        &mut self,
-        state: &StateSample,
-        pose: &Pose<'_, f64, N>,
-        error: &TrackingError<f64, PLANE>,
-        desired: &Motion<f64, PLANE>,
-        tip_acceleration: &SVector<f64, PLANE>,
-    ) -> Result<Remembered<f64, PLANE>, LawError> {
-        let without_memory =
-            |force| Remembered { force, memory: SVector::zeros(), factor: Regulation::Nothing };
-        match self {
-            Law::Tj(law) => Ok(without_memory(law.task_force(error))),
-            Law::Mtj { law, memory, acceleration } => {
-                let recalled = memory.recall(state);
-                let error_acceleration =
-                    acceleration.then(|| desired.acceleration - tip_acceleration);
-                let answer = law.task_force(error, recalled.as_ref(), error_acceleration.as_ref());
-                memory.store(state, &answer.force);
-                Ok(answer)
-            }
-            Law::Mb(law) => {
-                let singular = LawError::Singular(state.header.time_ns as f64 * 1e-9);
-                let dynamics = task_dynamics(pose).ok_or(singular)?;
-                Ok(without_memory(law.task_force(error, &desired.acceleration, &dynamics)))
-            }
+impl Law<f64> {
+    /// The law that the settings describe.
+    pub fn new(settings: &LawSettings) -> Self {
+        let (kp, kd) = (settings.kp, settings.kd);
+        let tj = TransposeJacobian { kp, kd };
+        match settings.kind {
+            LawKind::Tj => Self::Tj(tj),
+            LawKind::Mtj => Self::Mtj {
+                law: ModifiedTransposeJacobian {
+                    tj,
+                    factor: factor(&settings.factor),
+                    ceiling: settings.factor.ceiling,
+                },
+                acceleration: settings.acceleration,
+            },
+            LawKind::Mb => Self::Mb(ModelBased { kp, kd }),
         }
     }
 }
@@ -220,80 +184,52 @@ impl<const N: usize> Respond for ArmController<N> {
         }
         let q = SVector::from_fn(|i, _| state.position[i]);
         let q_dot = SVector::from_fn(|i, _| state.velocity[i]);
-        let pose = self.arm.pose(&q, &q_dot);
-        let now = Tip {
-            time: header.time_ns as f64 * 1e-9,
-            position: pose.tip(),
-            velocity: pose.tip_velocity(),
+        let time = header.time_ns as f64 * 1e-9;
+        let recollection = Recollection {
+            previous: self.previous,
+            horizon: prediction::horizon(self.horizon, state.latency_ns),
+            force: self.memory.as_ref().and_then(|memory| memory.recall(state)),
         };
-        let acceleration = self.predictor.acceleration(&now);
-        let aim = self.predictor.ahead(&now, &acceleration, state);
-        self.predictor.store(&now);
-        let desired = self.trajectory.at(aim.time);
-        let error = TrackingError {
-            position: desired.position - aim.position,
-            velocity: desired.velocity - aim.velocity,
-        };
-        let answer = self.law.task_force(state, &pose, &error, &desired, &acceleration)?;
-        let jacobian: SMatrix<f64, PLANE, N> = pose.jacobian();
-        let torque = matrix::transpose_times(&jacobian, &answer.force);
+        let answer = self.responder.respond(time, Posture::new(&q, &q_dot), &recollection);
+        self.previous = answer.tip;
+        if is_singular(answer.condition) {
+            return Err(LawError::Singular(time));
+        }
+        if let Some(memory) = &mut self.memory {
+            memory.store(state, &answer.remembered.force);
+        }
         let torque = TorqueSample {
             header,
             state_sent_ns: state.sent_ns,
             residence_ns: 0,
             controller: 0,
-            torque: padded(torque.as_slice()),
-            force: padded(answer.force.as_slice()),
+            torque: padded(answer.torque.as_slice()),
+            force: padded(answer.remembered.force.as_slice()),
         };
         let error = ErrorSample {
             header,
-            law: match self.law {
+            law: match self.responder.law {
                 Law::Tj(_) => 0,
                 Law::Mtj { .. } => 1,
                 Law::Mb(_) => 2,
             },
-            error: padded(error.position.as_slice()),
-            error_rate: padded(error.velocity.as_slice()),
-            factor: padded(answer.factor.per_axis().as_slice()),
-            memory: padded(answer.memory.as_slice()),
+            error: padded(answer.error.position.as_slice()),
+            error_rate: padded(answer.error.velocity.as_slice()),
+            factor: padded(answer.remembered.factor.per_axis().as_slice()),
+            memory: padded(answer.remembered.memory.as_slice()),
         };
         Ok((torque, error))
     }
 
     fn remember(&mut self, torque: &TorqueSample) {
-        if let Law::Mtj { memory, .. } = &mut self.law {
+        if let Some(memory) = &mut self.memory {
             memory.replace(&SVector::from_fn(|i, _| torque.force[i]));
         }
     }
 
-    fn remembered(&self) -> (Option<Memory>, Predictor) {
-        let memory = match &self.law {
-            Law::Mtj { memory, .. } => Some(*memory),
-            Law::Tj(_) | Law::Mb(_) => None,
-        };
-        (memory, self.predictor)
+    fn remembered(&self) -> (Option<Memory>, Tip<f64>) {
+        (self.memory, self.previous)
     }
-}
-
-/// Ĥ and Ĉ of the model; `None` where J has no inverse, as for every arm that is not of two links.
-fn task_dynamics<const N: usize>(pose: &Pose<'_, f64, N>) -> Option<TaskDynamics<f64, PLANE>> {
-    if N != PLANE {
-        return None;
-    }
-    let jacobian: SMatrix<f64, PLANE, N> = pose.jacobian();
-    let jacobian = SMatrix::<f64, PLANE, PLANE>::from_fn(|i, j| jacobian[(i, j)]);
-    let inverse = jacobian.try_inverse()?;
-    if jacobian.norm() * inverse.norm() > WORST_CONDITION {
-        return None;
-    }
-    let inertia = pose.inertia();
-    let velocity_terms = pose.velocity_terms();
-    Some(TaskDynamics::new(
-        &SMatrix::from_fn(|i, j| inertia[(i, j)]),
-        &SVector::from_fn(|i, _| velocity_terms[i]),
-        &inverse,
-        &pose.jacobian_rate_velocity(),
-    ))
 }
 
 fn factor(settings: &FactorSettings) -> Factor<f64, PLANE> {

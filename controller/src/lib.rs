@@ -12,6 +12,7 @@ pub mod law;
 pub mod memory;
 pub mod options;
 pub mod prediction;
+pub mod responder;
 pub mod serve;
 
 pub use controller::{Controller, LawError};

@@ -52,19 +52,35 @@ impl Memory {
 
     /// The remembered task force at a sample, N; `None` at the first one.
     pub fn recall(&self, state: &StateSample) -> Option<SVector<f64, PLANE>> {
-        let from_plant = |force: &[f64]| SVector::from_fn(|i, _| force[i]);
+        let in_plane = |force: &[f64]| SVector::from_fn(|i, _| force[i]);
+        self.recall_from(|| in_plane(&state.applied), || in_plane(&state.delivered))
+    }
+
+    /// The same from what the plant has `applied` and `delivered`; only what the policy needs is asked for.
+    #[inline(always)]
+    pub fn recall_from(
+        &self,
+        applied: impl FnOnce() -> SVector<f64, PLANE>,
+        delivered: impl FnOnce() -> SVector<f64, PLANE>,
+    ) -> Option<SVector<f64, PLANE>> {
         (!self.is_first).then(|| match self.policy {
             MemoryPolicy::Sent => self.latched,
-            MemoryPolicy::Applied => from_plant(&state.applied),
-            MemoryPolicy::Delivered => from_plant(&state.delivered),
+            MemoryPolicy::Applied => applied(),
+            MemoryPolicy::Delivered => delivered(),
         })
     }
 
     /// Remembers the task force computed at a sample: the first one in each memory step is latched
     /// and serves until the next, so with Δt = T_s it is always the previous one.
     pub fn store(&mut self, state: &StateSample, force: &SVector<f64, PLANE>) {
+        self.store_at(state.header.time_ns, force);
+    }
+
+    /// The same for a sample taken at `time_ns`.
+    #[inline(always)]
+    pub fn store_at(&mut self, time_ns: u64, force: &SVector<f64, PLANE>) {
         self.is_first = false;
-        let step = state.header.time_ns / self.step_ns;
+        let step = time_ns / self.step_ns;
         if self.latched_in_step != Some(step) {
             self.latched_in_step = Some(step);
             self.latched = *force;

@@ -30,7 +30,7 @@ pub struct Link<T> {
 /// A serial arm of `N` links in the plane, its base at the origin.
 ///
 /// Joint angles q are relative to the link before (rad), counter-clockwise; torques are in N m.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanarArm<T, const N: usize> {
     lengths: [T; N],
     /// aᵢⱼ, kg m².
@@ -66,26 +66,20 @@ impl<T: Scalar, const N: usize> PlanarArm<T, N> {
 
     /// The arm at joint angles `q` and joint velocities `q_dot`: everything that follows from the
     /// configuration is asked of the [`Pose`], which computes each sine and cosine once.
+    #[inline(always)]
     pub fn pose(&self, q: &SVector<T, N>, q_dot: &SVector<T, N>) -> Pose<'_, T, N> {
-        let mut pose = Pose {
-            arm: self,
-            cos: [T::zero(); N],
-            sin: [T::zero(); N],
-            angle: [T::zero(); N],
-            rate: [T::zero(); N],
-        };
-        let (mut angle, mut rate) = (T::zero(), T::zero());
-        for i in 0..N {
-            angle += q[i];
-            rate += q_dot[i];
-            (pose.sin[i], pose.cos[i]) = angle.sin_cos();
-            pose.angle[i] = angle;
-            pose.rate[i] = rate;
-        }
-        pose
+        self.in_posture(Posture::new(q, q_dot))
+    }
+
+    /// The arm in a posture that is known already.
+    #[inline(always)]
+    pub fn in_posture(&self, posture: Posture<T, N>) -> Pose<'_, T, N> {
+        let Posture { cos, sin, angle, rate } = posture;
+        Pose { arm: self, cos, sin, angle, rate }
     }
 
     /// Joint accelerations q̈ = H⁻¹ (τ − C) under joint torques `torque`.
+    #[inline(always)]
     pub fn acceleration(
         &self,
         q: &SVector<T, N>,
@@ -93,6 +87,48 @@ impl<T: Scalar, const N: usize> PlanarArm<T, N> {
         torque: &SVector<T, N>,
     ) -> SVector<T, N> {
         self.pose(q, q_dot).acceleration(torque)
+    }
+}
+
+/// How the links of an arm stand and turn, whatever their lengths and masses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Posture<T, const N: usize> {
+    cos: [T; N],
+    sin: [T; N],
+    /// φ, rad.
+    angle: [T; N],
+    /// φ̇, rad/s.
+    rate: [T; N],
+}
+
+impl<T: Scalar, const N: usize> Posture<T, N> {
+    /// At joint angles `q` and joint velocities `q_dot`.
+    #[inline(always)]
+    pub fn new(q: &SVector<T, N>, q_dot: &SVector<T, N>) -> Self {
+        let zero = [T::zero(); N];
+        let mut posture = Self { cos: zero, sin: zero, angle: zero, rate: zero };
+        let (mut angle, mut rate) = (T::zero(), T::zero());
+        for i in 0..N {
+            angle += q[i];
+            rate += q_dot[i];
+            (posture.sin[i], posture.cos[i]) = angle.sin_cos();
+            posture.angle[i] = angle;
+            posture.rate[i] = rate;
+        }
+        posture
+    }
+
+    /// Of this and another posture number by number what `choose` says.
+    #[inline(always)]
+    pub fn zip(&self, other: &Self, choose: impl Fn(T, T) -> T) -> Self {
+        let mut chosen = *self;
+        for i in 0..N {
+            chosen.cos[i] = choose(self.cos[i], other.cos[i]);
+            chosen.sin[i] = choose(self.sin[i], other.sin[i]);
+            chosen.angle[i] = choose(self.angle[i], other.angle[i]);
+            chosen.rate[i] = choose(self.rate[i], other.rate[i]);
+        }
+        chosen
     }
 }
 
@@ -111,6 +147,7 @@ pub struct Pose<'a, T, const N: usize> {
 
 impl<T: Scalar, const N: usize> Pose<'_, T, N> {
     /// The output variables x(q).
+    #[inline(always)]
     pub fn tip<const M: usize>(&self) -> SVector<T, M> {
         let mut out = [T::zero(); 3];
         for i in 0..N {
@@ -131,6 +168,7 @@ impl<T: Scalar, const N: usize> Pose<'_, T, N> {
     }
 
     /// The output speeds J q̇, eq. (2).
+    #[inline(always)]
     pub fn tip_velocity<const M: usize>(&self) -> SVector<T, M> {
         let mut out = [T::zero(); 3];
         for i in 0..N {
@@ -143,6 +181,7 @@ impl<T: Scalar, const N: usize> Pose<'_, T, N> {
     }
 
     /// The Jacobian J = ∂x/∂q, M × N.
+    #[inline(always)]
     pub fn jacobian<const M: usize>(&self) -> SMatrix<T, M, N> {
         const { assert!(M >= 1 && M <= 3) };
         let mut jacobian = SMatrix::zeros();
@@ -158,6 +197,7 @@ impl<T: Scalar, const N: usize> Pose<'_, T, N> {
     }
 
     /// J̇ q̇: the tip's acceleration when no joint accelerates.
+    #[inline(always)]
     pub fn jacobian_rate_velocity<const M: usize>(&self) -> SVector<T, M> {
         let mut out = [T::zero(); 3];
         for i in 0..N {
@@ -169,6 +209,7 @@ impl<T: Scalar, const N: usize> Pose<'_, T, N> {
     }
 
     /// The inertia matrix H of eq. (1), kg m².
+    #[inline(always)]
     pub fn inertia(&self) -> SMatrix<T, N, N> {
         let mut h = self.absolute_inertia();
         for i in (0..N - 1).rev() {
@@ -187,6 +228,7 @@ impl<T: Scalar, const N: usize> Pose<'_, T, N> {
     }
 
     /// The velocity and gravity terms C of eq. (1), N m.
+    #[inline(always)]
     pub fn velocity_terms(&self) -> SVector<T, N> {
         let mut c = self.absolute_velocity_terms();
         for i in (0..N - 1).rev() {
@@ -197,6 +239,7 @@ impl<T: Scalar, const N: usize> Pose<'_, T, N> {
     }
 
     /// q̈ = H⁻¹ (τ − C), solved in absolute angles where no sums over links are needed.
+    #[inline(always)]
     pub fn acceleration(&self, torque: &SVector<T, N>) -> SVector<T, N> {
         let mut force = -self.absolute_velocity_terms();
         for i in 0..N {
@@ -213,19 +256,24 @@ impl<T: Scalar, const N: usize> Pose<'_, T, N> {
         out
     }
 
+    #[inline(always)]
     fn absolute_inertia(&self) -> SMatrix<T, N, N> {
-        SMatrix::from_fn(|i, j| {
-            if i == j {
-                self.arm.coupling[(i, i)]
-            } else {
-                self.arm.coupling[(i, j)] * self.cos_between(i, j)
+        let mut inertia = self.arm.coupling;
+        for i in 0..N {
+            for j in 0..N {
+                if i != j {
+                    inertia[(i, j)] *= self.cos_between(i, j);
+                }
             }
-        })
+        }
+        inertia
     }
 
+    #[inline(always)]
     fn absolute_velocity_terms(&self) -> SVector<T, N> {
         let gravity = self.arm.gravity;
-        SVector::from_fn(|i, _| {
+        let mut terms = SVector::zeros();
+        for i in 0..N {
             let weight = self.arm.moment[i] * (gravity.x * self.sin[i] - gravity.y * self.cos[i]);
             let mut sum = weight;
             for j in 0..N {
@@ -236,20 +284,28 @@ impl<T: Scalar, const N: usize> Pose<'_, T, N> {
                         * self.rate[j];
                 }
             }
-            sum
-        })
+            terms[i] = sum;
+        }
+        terms
     }
 
+    #[inline(always)]
     fn cos_between(&self, i: usize, j: usize) -> T {
         self.cos[i] * self.cos[j] + self.sin[i] * self.sin[j]
     }
 
+    #[inline(always)]
     fn sin_between(&self, i: usize, j: usize) -> T {
         self.sin[i] * self.cos[j] - self.cos[i] * self.sin[j]
     }
 }
 
+#[inline(always)]
 fn first_axes<T: Scalar, const M: usize>(all: &[T; 3]) -> SVector<T, M> {
     const { assert!(M >= 1 && M <= 3, "a planar task has one to three axes") };
-    SVector::from_fn(|i, _| all[i])
+    let mut axes = SVector::zeros();
+    for i in 0..M {
+        axes[i] = all[i];
+    }
+    axes
 }

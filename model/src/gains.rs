@@ -17,6 +17,7 @@ pub enum Gains<T, const M: usize> {
 
 impl<T: Scalar, const M: usize> Gains<T, M> {
     /// K x.
+    #[inline(always)]
     pub fn times(&self, x: &SVector<T, M>) -> SVector<T, M> {
         match self {
             Self::Diagonal(diagonal) => diagonal.component_mul(x),

@@ -3,6 +3,7 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`scalar`] | the number type everything here is generic over |
+//! | [`lanes`] | such a number with several lanes |
 //! | [`matrix`] | products and factorisations with exactly the operations they need |
 //! | [`arm`] | the planar serial arm: kinematics, H, C, forward dynamics |
 //! | [`task`] | the same dynamics seen from the tip: Ĥ and Ĉ of eq. (3) |
@@ -15,6 +16,7 @@
 
 pub mod arm;
 pub mod gains;
+pub mod lanes;
 pub mod matrix;
 pub mod scalar;
 pub mod scenario;

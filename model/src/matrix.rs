@@ -9,6 +9,7 @@ use nalgebra::{SMatrix, SVector};
 use crate::scalar::Scalar;
 
 /// A x.
+#[inline(always)]
 pub fn times<T: Scalar, const R: usize, const C: usize>(
     a: &SMatrix<T, R, C>,
     x: &SVector<T, C>,
@@ -17,6 +18,7 @@ pub fn times<T: Scalar, const R: usize, const C: usize>(
 }
 
 /// Aᵀ x.
+#[inline(always)]
 pub fn transpose_times<T: Scalar, const R: usize, const C: usize>(
     a: &SMatrix<T, R, C>,
     x: &SVector<T, R>,
@@ -25,6 +27,7 @@ pub fn transpose_times<T: Scalar, const R: usize, const C: usize>(
 }
 
 /// Aᵀ B.
+#[inline(always)]
 pub fn transpose_product<T: Scalar, const R: usize, const C: usize, const K: usize>(
     a: &SMatrix<T, R, C>,
     b: &SMatrix<T, R, K>,
@@ -33,6 +36,7 @@ pub fn transpose_product<T: Scalar, const R: usize, const C: usize, const K: usi
 }
 
 /// A B.
+#[inline(always)]
 pub fn product<T: Scalar, const R: usize, const C: usize, const K: usize>(
     a: &SMatrix<T, R, C>,
     b: &SMatrix<T, C, K>,
@@ -41,47 +45,71 @@ pub fn product<T: Scalar, const R: usize, const C: usize, const K: usize>(
 }
 
 /// ‖x‖.
+#[inline(always)]
 pub fn norm<T: Scalar, const R: usize>(x: &SVector<T, R>) -> T {
     sum_of(R, |i| x[i] * x[i]).sqrt()
 }
 
-/// Solves A x = b for a symmetric positive definite A by Cholesky's factorisation A = L Lᵀ.
+/// ‖A‖, the root of the sum of all squares.
+#[inline(always)]
+pub fn size<T: Scalar, const R: usize, const C: usize>(a: &SMatrix<T, R, C>) -> T {
+    sum_of(C, |j| sum_of(R, |i| a[(i, j)] * a[(i, j)])).sqrt()
+}
+
+/// A⁻¹; not finite where there is none.
+#[inline(always)]
+pub fn inverse<T: Scalar>(a: &SMatrix<T, 2, 2>) -> SMatrix<T, 2, 2> {
+    let determinant = a[(0, 0)] * a[(1, 1)] - a[(1, 0)] * a[(0, 1)];
+    let mut inverse = SMatrix::zeros();
+    inverse[(0, 0)] = a[(1, 1)] / determinant;
+    inverse[(0, 1)] = -a[(0, 1)] / determinant;
+    inverse[(1, 0)] = -a[(1, 0)] / determinant;
+    inverse[(1, 1)] = a[(0, 0)] / determinant;
+    inverse
+}
+
+/// Solves A x = b for a symmetric positive definite A by the factorisation A = L D Lᵀ, which needs no
+/// square roots.
 ///
 /// No pivoting, hence no branches: a pivot that is not positive, which a mass matrix never has,
-/// shows as a non-finite solution.
+/// shows as a solution that is not finite or far off.
+#[inline(always)]
 pub fn solve_positive_definite<T: Scalar, const N: usize>(
     a: &SMatrix<T, N, N>,
     b: &SVector<T, N>,
 ) -> SVector<T, N> {
-    let mut lower = SMatrix::<T, N, N>::zeros();
-    for j in 0..N {
-        for i in j..N {
-            let mut entry = a[(i, j)];
-            for k in 0..j {
-                entry -= lower[(i, k)] * lower[(j, k)];
-            }
-            lower[(i, j)] = if i == j { entry.sqrt() } else { entry / lower[(j, j)] };
-        }
-    }
+    // Row i of L, left of the diagonal of ones, and of L D; and 1/D.
+    let mut unit = SMatrix::<T, N, N>::zeros();
+    let mut scaled = SMatrix::<T, N, N>::zeros();
+    let mut inverse = SVector::<T, N>::zeros();
     let mut x = *b;
     for i in 0..N {
-        let mut entry = x[i];
-        for k in 0..i {
-            entry -= lower[(i, k)] * x[k];
+        let mut pivot = a[(i, i)];
+        for j in 0..i {
+            let mut entry = a[(i, j)];
+            for k in 0..j {
+                entry -= scaled[(i, k)] * unit[(j, k)];
+            }
+            scaled[(i, j)] = entry;
+            unit[(i, j)] = entry * inverse[j];
+            pivot -= unit[(i, j)] * entry;
+            let above = x[j];
+            x[i] -= unit[(i, j)] * above;
         }
-        x[i] = entry / lower[(i, i)];
+        inverse[i] = T::one() / pivot;
     }
     for i in (0..N).rev() {
-        let mut entry = x[i];
+        x[i] *= inverse[i];
         for k in i + 1..N {
-            entry -= lower[(k, i)] * x[k];
+            let below = x[k];
+            x[i] -= unit[(k, i)] * below;
         }
-        x[i] = entry / lower[(i, i)];
     }
     x
 }
 
 /// term(0) + term(1) + …, with one addition fewer than there are terms.
+#[inline(always)]
 fn sum_of<T: Scalar>(count: usize, term: impl Fn(usize) -> T) -> T {
     if count == 0 {
         return T::zero();
@@ -110,6 +138,15 @@ mod tests {
         assert!((product(&a, &b) - a * b).norm() < 1e-14);
         assert!((transpose_product(&a, &a) - a.transpose() * a).norm() < 1e-14);
         assert!(f64::abs(norm(&x) - x.norm()) < 1e-15);
+    }
+
+    #[test]
+    fn an_inverse_undoes_its_matrix_and_is_not_finite_where_there_is_none() {
+        let a = nalgebra::Matrix2::new(2.0, -1.0, 0.5, 3.0);
+        assert!((product(&a, &inverse(&a)) - nalgebra::Matrix2::identity()).norm() < 1e-15);
+        assert!(f64::abs(size(&a) - a.norm()) < 1e-15);
+        let singular = nalgebra::Matrix2::new(1.0, 2.0, 2.0, 4.0);
+        assert!(!f64::is_finite(size(&inverse(&singular))));
     }
 
     #[test]

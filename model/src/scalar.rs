@@ -12,7 +12,6 @@ use num_traits::{One, Zero};
 pub trait Scalar:
     nalgebra::Scalar
     + Copy
-    + PartialOrd
     + Zero
     + One
     + ClosedAddAssign
@@ -31,6 +30,11 @@ pub trait Scalar:
     fn exp(self) -> Self;
     /// The magnitude.
     fn abs(self) -> Self;
+    /// `then` where `self < bound`, else `otherwise`; the latter also where one of the two is no number.
+    ///
+    /// All comparisons of the laws and the trajectories are made so, because several lanes may differ in
+    /// the outcome. It is no arithmetic operation.
+    fn where_below(self, bound: Self, then: Self, otherwise: Self) -> Self;
 }
 
 macro_rules! implement_for_float {
@@ -50,6 +54,9 @@ macro_rules! implement_for_float {
             }
             fn abs(self) -> Self {
                 $float::abs(self)
+            }
+            fn where_below(self, bound: Self, then: Self, otherwise: Self) -> Self {
+                if self < bound { then } else { otherwise }
             }
         }
     };

@@ -18,6 +18,7 @@ pub struct TaskDynamics<T, const N: usize> {
 
 impl<T: Scalar, const N: usize> TaskDynamics<T, N> {
     /// From the joint-space terms H and C, the inverse Jacobian and J̇ q̇.
+    #[inline(always)]
     pub fn new(
         inertia: &SMatrix<T, N, N>,
         velocity_terms: &SVector<T, N>,

@@ -61,6 +61,7 @@ pub struct PointToPoint<T> {
 
 impl<T: Scalar> Trajectory<T> {
     /// The desired motion at `time` seconds.
+    #[inline(always)]
     pub fn at(&self, time: T) -> Motion<T, 2> {
         match self {
             Self::Circle(circle) => circle.at(time),
@@ -81,6 +82,7 @@ impl<T: Scalar> Trajectory<T> {
 }
 
 impl<T: Scalar> Circle<T> {
+    #[inline(always)]
     fn at(&self, time: T) -> Motion<T, 2> {
         let rate = self.angular_frequency;
         let (sin, cos) = (rate * time + self.phase).sin_cos();
@@ -94,23 +96,28 @@ impl<T: Scalar> Circle<T> {
 }
 
 impl<T: Scalar> PointToPoint<T> {
+    #[inline(always)]
     fn at(&self, time: T) -> Motion<T, 2> {
         let c = T::constant;
         let s = time / self.duration;
         let way = self.to - self.from;
-        let still = Vector2::zeros();
-        if s <= T::zero() {
-            return Motion { position: self.from, velocity: still, acceleration: still };
-        }
-        if s >= T::one() {
-            return Motion { position: self.to, velocity: still, acceleration: still };
-        }
         let rest = T::one() - s;
         let rate = T::one() / self.duration;
+        let (zero, one) = (T::zero(), T::one());
+        // At rest before the beginning and from the end on.
+        let moving = |value: T, at_end: T| {
+            let so_far = s.where_below(one, value, at_end);
+            zero.where_below(s, so_far, zero)
+        };
+        let part = moving(s * s * s * (c(10.0) - s * (c(15.0) - c(6.0) * s)), one);
+        let speed = moving(c(30.0) * s * s * rest * rest * rate, zero);
+        let change = moving(c(60.0) * s * rest * (one - c(2.0) * s) * rate * rate, zero);
+        let arrived = |arrived: T, under_way: T| s.where_below(one, under_way, arrived);
+        let there = self.from + way * part;
         Motion {
-            position: self.from + way * (s * s * s * (c(10.0) - s * (c(15.0) - c(6.0) * s))),
-            velocity: way * (c(30.0) * s * s * rest * rest * rate),
-            acceleration: way * (c(60.0) * s * rest * (T::one() - c(2.0) * s) * rate * rate),
+            position: Vector2::new(arrived(self.to.x, there.x), arrived(self.to.y, there.y)),
+            velocity: way * speed,
+            acceleration: way * change,
         }
     }
 }

@@ -2,23 +2,26 @@
 
 use std::collections::VecDeque;
 
-use mtj_model::scenario::{OnTimeout, Scenario};
-use mtj_protocol::sample::{Axes, Joints, TorqueSample};
+use mtj_model::{
+    MAX_AXES, MAX_JOINTS,
+    scenario::{OnTimeout, Scenario},
+};
+use mtj_protocol::sample::TorqueSample;
 
 use crate::simulator::Drive;
 
-/// Holds the last command and remembers what it has delivered.
+/// Holds the last command, of `N` joints and `M` task axes, and remembers what it has delivered.
 #[derive(Clone, Debug)]
-pub struct Actuator {
-    limit: Joints,
+pub struct Actuator<const N: usize = MAX_JOINTS, const M: usize = MAX_AXES> {
+    limit: [f64; N],
     on_timeout: OnTimeout,
-    drive: Drive,
-    force: Axes,
+    drive: Drive<N>,
+    force: [f64; M],
     /// ∫ Q̂ dt up to `integrated_ns`, N s.
-    impulse: Axes,
+    impulse: [f64; M],
     integrated_ns: u64,
     /// The impulse at the last sampling instants, back to the one at which a memory step began.
-    history: VecDeque<(u64, Axes)>,
+    history: VecDeque<(u64, [f64; M])>,
     newest: Option<u64>,
     latency_ns: u64,
     commands: u64,
@@ -26,6 +29,14 @@ pub struct Actuator {
 }
 
 impl Actuator {
+    /// Puts a command into effect at `time_ns`, unless a newer one is in effect already.
+    pub fn apply(&mut self, command: &TorqueSample, time_ns: u64) -> bool {
+        let TorqueSample { header, torque, force, .. } = command;
+        self.hold(header.sequence, header.time_ns, torque, force, time_ns)
+    }
+}
+
+impl<const N: usize, const M: usize> Actuator<N, M> {
     /// At rest: no torque, no task force.
     pub fn new(scenario: &Scenario) -> Self {
         Self {
@@ -51,29 +62,39 @@ impl Actuator {
         self.history.reserve(memory_samples(scenario));
     }
 
-    /// Puts a command into effect at `time_ns`, unless a newer one is in effect already.
+    /// Puts the command into effect at `time_ns` that answers the sample of this number, taken at
+    /// `sampled_ns`, unless a newer one is in effect already.
     ///
     /// A torque over a joint's limit is scaled down with all others and with the task force: the
     /// direction at the tip stays, and what is echoed is what was in effect.
-    pub fn apply(&mut self, command: &TorqueSample, time_ns: u64) -> bool {
-        if self.newest.is_some_and(|newest| command.header.sequence <= newest) {
+    #[inline(always)]
+    pub fn hold(
+        &mut self,
+        sequence: u64,
+        sampled_ns: u64,
+        torque: &[f64; N],
+        force: &[f64; M],
+        time_ns: u64,
+    ) -> bool {
+        if self.newest.is_some_and(|newest| sequence <= newest) {
             return false;
         }
-        let scale = command
-            .torque
-            .iter()
-            .zip(&self.limit)
-            .map(|(torque, limit)| limit / torque.abs())
-            .fold(1.0, f64::min);
+        let mut scale = 1.0;
+        for (torque, limit) in torque.iter().zip(&self.limit) {
+            scale = f64::min(scale, limit / torque.abs());
+        }
         self.integrate(time_ns);
-        self.newest = Some(command.header.sequence);
-        self.latency_ns = time_ns.saturating_sub(command.header.time_ns);
+        self.newest = Some(sequence);
+        self.latency_ns = time_ns.saturating_sub(sampled_ns);
         // What was rounded up is not over the limit either.
-        let within = |joint: usize| {
-            (command.torque[joint] * scale).clamp(-self.limit[joint], self.limit[joint])
-        };
-        self.drive = Drive::Torque(std::array::from_fn(within));
-        self.force = command.force.map(|force| force * scale);
+        let mut held = [0.0; N];
+        for ((held, torque), limit) in held.iter_mut().zip(torque).zip(&self.limit) {
+            *held = (torque * scale).clamp(-limit, *limit);
+        }
+        self.drive = Drive::Torque(held);
+        for (held, force) in self.force.iter_mut().zip(force) {
+            *held = force * scale;
+        }
         self.commands += 1;
         self.has_timed_out = false;
         true
@@ -92,24 +113,31 @@ impl Actuator {
     }
 
     /// What acts on the joints.
-    pub fn drive(&self) -> &Drive {
+    pub fn drive(&self) -> &Drive<N> {
         &self.drive
     }
 
     /// The torque in effect at joint velocities `velocity`, N m.
-    pub fn torque(&self, velocity: &Joints) -> Joints {
-        std::array::from_fn(|joint| self.drive.torque(joint, velocity[joint]))
+    #[inline(always)]
+    pub fn torque(&self, velocity: &[f64; N]) -> [f64; N] {
+        let mut torque = [0.0; N];
+        for (joint, torque) in torque.iter_mut().enumerate() {
+            *torque = self.drive.torque(joint, velocity[joint]);
+        }
+        torque
     }
 
     /// The task force in effect, N.
-    pub fn applied(&self) -> Axes {
+    #[inline(always)]
+    pub fn applied(&self) -> [f64; M] {
         self.force
     }
 
     /// The mean task force over the memory step that ends at `time_ns`, a sampling instant, N; what
     /// was before the run counts as zero. Just after a sample period was changed a step may begin between
     /// two sampling instants; the task force is then taken as even between them.
-    pub fn delivered(&mut self, time_ns: u64, step_ns: u64) -> Axes {
+    #[inline(always)]
+    pub fn delivered(&mut self, time_ns: u64, step_ns: u64) -> [f64; M] {
         self.integrate(time_ns);
         self.history.push_back((time_ns, self.impulse));
         let start = time_ns.saturating_sub(step_ns);
@@ -143,6 +171,7 @@ impl Actuator {
         self.commands
     }
 
+    #[inline(always)]
     fn integrate(&mut self, time_ns: u64) {
         let seconds = time_ns.saturating_sub(self.integrated_ns) as f64 * 1e-9;
         for (impulse, force) in self.impulse.iter_mut().zip(&self.force) {
@@ -152,7 +181,7 @@ impl Actuator {
     }
 }
 
-fn limits(scenario: &Scenario) -> Joints {
+fn limits<const N: usize>(scenario: &Scenario) -> [f64; N] {
     let mut limit = [f64::INFINITY; _];
     for (limit, joint) in limit.iter_mut().zip(&scenario.safety.torque_limit) {
         *limit = *joint;

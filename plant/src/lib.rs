@@ -10,6 +10,7 @@ pub mod actuator;
 pub mod agenda;
 pub mod clock;
 pub mod direct;
+pub mod dormand_prince;
 pub mod durations;
 mod knobs;
 pub mod ledger;

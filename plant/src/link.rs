@@ -91,6 +91,7 @@ impl Link {
 
     /// How long the next message travels; `None` if it is lost. A lost one draws a latency all the
     /// same, so that the losses do not change the latencies of the others.
+    #[inline]
     pub fn transit(&mut self) -> Option<Duration> {
         let seconds = match &mut self.delay {
             Delay::Constant => None,

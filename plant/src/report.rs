@@ -4,7 +4,6 @@ use mtj_model::{
     MAX_JOINTS,
     scenario::{ClockKind, Scenario},
 };
-use mtj_protocol::sample::Joints;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -55,20 +54,20 @@ pub struct Report {
     pub residence_us: Option<Percentiles>,
 }
 
-/// Running sums from which a [`Report`] is made.
-pub struct Measures {
+/// Running sums from which a [`Report`] is made, for an arm of `N` joints or fewer.
+pub struct Measures<const N: usize = MAX_JOINTS> {
     half_ns: u64,
     samples: u64,
     squared_error: f64,
     peak_error: f64,
     counted: u64,
-    peak_torque: Joints,
-    previous: Option<Joints>,
+    peak_torque: [f64; N],
+    previous: Option<[f64; N]>,
     squared_step: f64,
     steps: u64,
 }
 
-impl Measures {
+impl<const N: usize> Measures<N> {
     /// Nothing measured yet.
     pub fn new(scenario: &Scenario) -> Self {
         Self {
@@ -77,7 +76,7 @@ impl Measures {
             squared_error: 0.0,
             peak_error: 0.0,
             counted: 0,
-            peak_torque: [0.0; MAX_JOINTS],
+            peak_torque: [0.0; N],
             previous: None,
             squared_step: 0.0,
             steps: 0,
@@ -85,6 +84,7 @@ impl Measures {
     }
 
     /// Takes in the true tracking error at a sampling instant.
+    #[inline(always)]
     pub fn sample(&mut self, time_ns: u64, squared_error: f64) {
         self.samples += 1;
         if time_ns >= self.half_ns {
@@ -95,7 +95,8 @@ impl Measures {
     }
 
     /// Takes in a torque that came into effect.
-    pub fn command(&mut self, torque: &Joints) {
+    #[inline(always)]
+    pub fn command(&mut self, torque: &[f64; N]) {
         for (peak, torque) in self.peak_torque.iter_mut().zip(torque) {
             *peak = peak.max(torque.abs());
         }

@@ -53,7 +53,10 @@ pub(crate) fn fraction(random: &mut Pcg64) -> f64 {
 
 /// The same direction in (−π, π].
 fn wrapped(angle: f64) -> f64 {
-    PI - (PI - angle).rem_euclid(2.0 * PI)
+    let turn = 2.0 * PI;
+    let back = PI - angle;
+    // A division, which is slow, only where it does something.
+    PI - if (0.0..turn).contains(&back) { back } else { back.rem_euclid(turn) }
 }
 
 #[cfg(test)]

@@ -11,20 +11,21 @@ use nalgebra::SVector;
 
 /// What acts on the joints between two events.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Drive {
+pub enum Drive<const N: usize = MAX_JOINTS> {
     /// A held torque, N m.
-    Torque(Joints),
+    Torque([f64; N]),
     /// τ = −damping q̇ within the joints' limits.
     Damping {
         /// N m s/rad.
         damping: f64,
         /// N m.
-        limit: Joints,
+        limit: [f64; N],
     },
 }
 
-impl Drive {
+impl<const N: usize> Drive<N> {
     /// Torque on a joint that turns at `rate` rad/s, N m.
+    #[inline(always)]
     pub fn torque(&self, joint: usize, rate: f64) -> f64 {
         match self {
             Self::Torque(torque) => torque[joint],

@@ -1,5 +1,6 @@
 //! Everything that `mtj` does with the roles: launch them, run them, compare them.
 
+pub mod bench;
 pub mod command;
 pub mod experiment;
 pub mod figure;

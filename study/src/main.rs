@@ -8,6 +8,7 @@ use mtj_monitor::options::MonitorOptions;
 use mtj_plant::options::PlantOptions;
 use mtj_study::command::{
     Failure,
+    bench::Bench,
     bridge::BridgeCommand,
     certs::Certs,
     export::Export,
@@ -53,6 +54,7 @@ enum Command {
     #[command(hide = true)]
     Echo(Echo),
     Certs(Certs),
+    Bench(Bench),
 }
 
 fn main() -> ExitCode {
@@ -93,5 +95,6 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Latency(latency) => latency.run(),
         Command::Echo(echo) => echo.run(),
         Command::Certs(certs) => certs.run(),
+        Command::Bench(bench) => bench.run(),
     }
 }

@@ -34,10 +34,10 @@ pub enum Factor<T, const M: usize> {
 /// A regulating factor: one number, or one for each axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Regulation<T, const M: usize> {
-    /// Use the memory as it is: k = 1 without a multiplication.
-    All,
-    /// Use none of it: k = 0, plain tj.
+    /// Use none of the memory: k = 0, plain tj.
     Nothing,
+    /// k of one or zero: use the memory as it is, or none of it, without a multiplication.
+    Switch(T),
     /// k.
     Scalar(T),
     /// The diagonal of K.
@@ -46,12 +46,13 @@ pub enum Regulation<T, const M: usize> {
 
 impl<T: Scalar, const M: usize> Factor<T, M> {
     /// k for a tracking error.
+    #[inline(always)]
     pub fn regulate(&self, e: &TrackingError<T, M>) -> Regulation<T, M> {
         match self {
             Self::Switch { error, error_rate } => {
-                let small =
-                    matrix::norm(&e.position) < *error && matrix::norm(&e.velocity) < *error_rate;
-                if small { Regulation::All } else { Regulation::Nothing }
+                let (one, zero) = (T::one(), T::zero());
+                let slow = matrix::norm(&e.velocity).where_below(*error_rate, one, zero);
+                Regulation::Switch(matrix::norm(&e.position).where_below(*error, slow, zero))
             }
             Self::Exponential { error, error_rate } => Regulation::Scalar(fade(
                 matrix::norm(&e.position) / *error,
@@ -66,38 +67,40 @@ impl<T: Scalar, const M: usize> Factor<T, M> {
     }
 }
 
+#[inline(always)]
 fn fade<T: Scalar>(error: T, error_rate: T) -> T {
     (-(error + error_rate)).exp()
 }
 
 impl<T: Scalar, const M: usize> Regulation<T, M> {
     /// k · memory.
+    #[inline(always)]
     pub fn times(&self, memory: &SVector<T, M>) -> SVector<T, M> {
         match self {
-            Self::All => *memory,
             Self::Nothing => SVector::zeros(),
+            Self::Switch(k) => memory.map(|entry| T::zero().where_below(*k, entry, T::zero())),
             Self::Scalar(k) => memory * *k,
             Self::Diagonal(k) => k.component_mul(memory),
         }
     }
 
     /// c k: the same factor under a ceiling c.
+    #[inline(always)]
     pub fn under(self, ceiling: T) -> Self {
         match self {
             _ if ceiling == T::one() => self,
-            Self::All => Self::Scalar(ceiling),
-            Self::Nothing => Self::Nothing,
-            Self::Scalar(k) => Self::Scalar(k * ceiling),
+            Self::Nothing => self,
+            Self::Switch(k) | Self::Scalar(k) => Self::Scalar(k * ceiling),
             Self::Diagonal(k) => Self::Diagonal(k * ceiling),
         }
     }
 
     /// k on each axis.
+    #[inline(always)]
     pub fn per_axis(&self) -> SVector<T, M> {
         match self {
-            Self::All => SVector::repeat(T::one()),
             Self::Nothing => SVector::zeros(),
-            Self::Scalar(k) => SVector::repeat(*k),
+            Self::Switch(k) | Self::Scalar(k) => SVector::repeat(*k),
             Self::Diagonal(k) => *k,
         }
     }

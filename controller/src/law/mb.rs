@@ -17,6 +17,7 @@ pub struct ModelBased<T, const N: usize> {
 
 impl<T: Scalar, const N: usize> ModelBased<T, N> {
     /// Q̂, N, from the tracking error, the desired acceleration and the model's Ĥ and Ĉ.
+    #[inline(always)]
     pub fn task_force(
         &self,
         error: &TrackingError<T, N>,

@@ -18,6 +18,7 @@ pub struct TransposeJacobian<T, const M: usize> {
 
 impl<T: Scalar, const M: usize> TransposeJacobian<T, M> {
     /// Q̂, N.
+    #[inline(always)]
     pub fn task_force(&self, error: &TrackingError<T, M>) -> SVector<T, M> {
         self.kp.times(&error.position) + self.kd.times(&error.velocity)
     }

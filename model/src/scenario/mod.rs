@@ -133,35 +133,11 @@ fn read_value(text: &str) -> Value {
 impl Scenario {
     /// Loads a built-in scenario by its name or, failing that, a file, and lays `overrides` over it.
     pub fn load(name: &str, overrides: &[Override]) -> Result<Self, ScenarioError> {
-        if let Some(text) = built_in(name) {
-            return Self::parse(name, text, overrides);
-        }
-        match std::fs::read_to_string(name) {
-            Ok(text) => Self::parse(name, &text, overrides),
-            Err(error) => Err(Origin::new("--scenario", Vec::new()).refuse(format!(
-                "there is no built-in scenario '{name}' and the file could not be read ({error}); \
-                 'mtj scenario list' prints the built-in names"
-            ))),
-        }
+        Template::load(name, overrides)?.with(overrides)
     }
-
     /// Reads and validates a TOML text called `name` with `overrides` laid over it.
     pub fn parse(name: &str, text: &str, overrides: &[Override]) -> Result<Self, ScenarioError> {
-        let overridden = overrides.iter().map(|set| set.path.clone()).collect();
-        let origin = Origin::new(name, overridden);
-        let mut table: Table = text.parse().map_err(|error: toml::de::Error| {
-            let line = error
-                .span()
-                .map_or(0, |span| text[..span.start.min(text.len())].lines().count().max(1));
-            origin
-                .refuse(format!("line {line} is not TOML: {}", error.message().replace('\n', ", ")))
-        })?;
-        for set in overrides {
-            lay_over(&mut table, set)?;
-        }
-        // A text that nothing was laid over keeps its comments.
-        let text = if overrides.is_empty() { text.to_owned() } else { table.to_string() };
-        Self::read(name, Section::root(&origin, &table), text)
+        Template::parse(name, text, overrides)?.with(overrides)
     }
 
     fn read(name: &str, root: Section<'_>, text: String) -> Result<Self, ScenarioError> {
@@ -206,6 +182,58 @@ impl Scenario {
     pub fn text(&self) -> &str {
         &self.text
     }
+}
+
+/// A scenario's text, read once to be laid over many times.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Template {
+    name: String,
+    text: String,
+    table: Table,
+}
+
+impl Template {
+    /// Loads a built-in scenario by its name or, failing that, a file. What is wrong with its text is
+    /// said as of one over which `overrides` are to be laid.
+    pub fn load(name: &str, overrides: &[Override]) -> Result<Self, ScenarioError> {
+        if let Some(text) = built_in(name) {
+            return Self::parse(name, text, overrides);
+        }
+        match std::fs::read_to_string(name) {
+            Ok(text) => Self::parse(name, &text, overrides),
+            Err(error) => Err(Origin::new("--scenario", Vec::new()).refuse(format!(
+                "there is no built-in scenario '{name}' and the file could not be read ({error}); \
+                 'mtj scenario list' prints the built-in names"
+            ))),
+        }
+    }
+
+    fn parse(name: &str, text: &str, overrides: &[Override]) -> Result<Self, ScenarioError> {
+        let table: Table = text.parse().map_err(|error: toml::de::Error| {
+            let line = error
+                .span()
+                .map_or(0, |span| text[..span.start.min(text.len())].lines().count().max(1));
+            origin(name, overrides)
+                .refuse(format!("line {line} is not TOML: {}", error.message().replace('\n', ", ")))
+        })?;
+        Ok(Self { name: name.to_owned(), text: text.to_owned(), table })
+    }
+
+    /// The scenario with `overrides` laid over it, validated.
+    pub fn with(&self, overrides: &[Override]) -> Result<Scenario, ScenarioError> {
+        let mut table = self.table.clone();
+        for set in overrides {
+            lay_over(&mut table, set)?;
+        }
+        // A text that nothing was laid over keeps its comments.
+        let text = if overrides.is_empty() { self.text.clone() } else { table.to_string() };
+        let origin = origin(&self.name, overrides);
+        Scenario::read(&self.name, Section::root(&origin, &table), text)
+    }
+}
+
+fn origin(name: &str, overrides: &[Override]) -> Origin {
+    Origin::new(name, overrides.iter().map(|set| set.path.clone()).collect())
 }
 
 fn read_noise(section: Option<Section<'_>>) -> Result<f64, ScenarioError> {

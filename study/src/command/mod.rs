@@ -1,5 +1,6 @@
 //! The subcommands of `mtj`, one file each.
 
+pub mod bench;
 pub mod bridge;
 pub mod certs;
 pub mod export;
@@ -84,6 +85,15 @@ impl From<LaunchError> for Failure {
     fn from(error: LaunchError) -> Self {
         let sentence = if error.is_explained() { String::new() } else { error.to_string() };
         Self { code: error.code(), sentence }
+    }
+}
+
+impl From<crate::bench::sweep::Failure> for Failure {
+    fn from(failure: crate::bench::sweep::Failure) -> Self {
+        match failure {
+            crate::bench::sweep::Failure::Plan(error) => error.into(),
+            crate::bench::sweep::Failure::Print(error) => error.into(),
+        }
     }
 }
 

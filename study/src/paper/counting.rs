@@ -56,7 +56,7 @@ fn note(change: impl FnOnce(&mut Operations)) {
 }
 
 /// A number whose every operation is counted.
-#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Counted(pub f64);
 
 macro_rules! implement_operator {
@@ -125,6 +125,9 @@ impl Scalar for Counted {
     }
     fn abs(self) -> Self {
         Self(self.0.abs())
+    }
+    fn where_below(self, bound: Self, then: Self, otherwise: Self) -> Self {
+        if self.0 < bound.0 { then } else { otherwise }
     }
 }
 

@@ -161,8 +161,8 @@ impl Range {
                         number * 1e9,
                     )
                         as u64)))
-                } else if self.is_whole && !self.is_logarithmic && number.fract() == 0.0 {
-                    Value::Integer(number as i64)
+                } else if self.is_whole && !self.is_logarithmic && is_nearly_whole(number) {
+                    Value::Integer(number.round() as i64)
                 } else {
                     Value::Float(rounded(number))
                 };
@@ -170,6 +170,11 @@ impl Range {
             })
             .collect()
     }
+}
+
+/// Whole but for the rounding of a division.
+fn is_nearly_whole(x: f64) -> bool {
+    (x - x.round()).abs() < 1e-9 * x.abs().max(1.0)
 }
 
 /// To four significant digits, so that what a range makes can be read and typed.

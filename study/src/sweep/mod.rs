@@ -4,6 +4,7 @@
 
 pub mod axis;
 pub mod builtin;
+pub mod lanes;
 pub mod plan;
 pub mod results;
 pub mod runner;

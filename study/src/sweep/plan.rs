@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use mtj_model::scenario::{Origin, Override, Scenario, ScenarioError, Section};
+use mtj_model::scenario::{Origin, Override, Scenario, ScenarioError, Section, Template};
 use toml::{Table, Value};
 
 use super::{
@@ -23,6 +23,7 @@ pub struct Plan {
     pub set: Vec<Override>,
     /// The last varies fastest.
     pub axes: Vec<Axis>,
+    template: Result<Template, ScenarioError>,
     text: String,
 }
 
@@ -71,14 +72,16 @@ impl Plan {
             origin.refuse(format!("not TOML: {}", error.message()))
         })?;
         let root = Section::root(&origin, &table);
+        let scenario = root.required("scenario", "a scenario", Value::as_str)?;
         let mut plan = Self {
             name: name.to_owned(),
             title: root.optional("title", "a title", Value::as_str)?.unwrap_or(name).to_owned(),
-            scenario: root.required("scenario", "a scenario", Value::as_str)?.to_owned(),
+            scenario: scenario.to_owned(),
             set: root
                 .optional("set", "a table of keys and values", axis::overrides)?
                 .unwrap_or_default(),
             axes: Vec::new(),
+            template: Template::load(scenario, &[]),
             text: text.to_owned(),
         };
         let count = || origin.refuse(format!("expected axes that make 1 to {MOST_POINTS} points"));
@@ -136,7 +139,7 @@ impl Plan {
 
     /// The scenario at a point.
     pub fn scenario(&self, point: usize) -> Result<Scenario, ScenarioError> {
-        Scenario::load(&self.scenario, &self.overrides(point))
+        self.template.as_ref().map_err(Clone::clone)?.with(&self.overrides(point))
     }
 
     /// The command that replays a point on its own.

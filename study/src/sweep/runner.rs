@@ -13,13 +13,18 @@ use indicatif::{ProgressBar, ProgressStyle};
 use mtj_model::scenario::ScenarioError;
 
 use super::{
+    lanes,
     plan::Plan,
     results::{self, Measured, Results, Row, Shard},
 };
-use crate::{experiment, session::Session};
+use crate::session::Session;
 
-/// Computes the points of a shard that have no row yet, in this process, on `threads` threads.
-/// Returns whether all are there.
+/// How many points a thread takes at a time: enough to fill its lanes again and again, and few enough
+/// that the threads end together.
+const CHUNK: std::ops::RangeInclusive<usize> = 16..=512;
+
+/// Computes the points of a shard that have no row yet, in this process, on `threads` threads; in
+/// [`lanes`] where `timing.integration_step` is "auto". Returns whether all are there.
 pub fn run_in_process(
     plan: &Plan,
     results: &mut Results,
@@ -29,20 +34,28 @@ pub fn run_in_process(
 ) -> Result<bool, String> {
     let todo = todo(plan, results, shard);
     let bar = progress(plan, results, &todo);
+    let in_lanes =
+        |point: &usize| plan.scenario(*point).is_ok_and(|s| s.timing.tolerance.is_some());
+    let fewest = if todo.first().is_some_and(in_lanes) { *CHUNK.start() } else { 1 };
+    let chunk = (todo.len() / (4 * threads)).clamp(fewest, *CHUNK.end());
+    let chunks: Vec<&[usize]> = todo.chunks(chunk).collect();
     let next = AtomicUsize::new(0);
     let failed = AtomicBool::new(false);
     let (send, receive) = mpsc::sync_channel::<Row>(1024);
     let outcome = thread::scope(|scope| {
         for _ in 0..threads {
-            let (todo, next, failed, send) = (&todo, &next, &failed, send.clone());
+            let (chunks, next, failed, send) = (&chunks, &next, &failed, send.clone());
             scope.spawn(move || {
                 let go_on = || proceed() && !failed.load(Ordering::Relaxed);
                 while go_on() {
-                    let Some(point) = todo.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
-                    let Some(measured) = measure(plan, *point, &go_on) else { break };
-                    if send.send(results::row(plan, *point, &measured)).is_err() {
+                    let Some(points) = chunks.get(next.fetch_add(1, Ordering::Relaxed)) else {
                         break;
-                    }
+                    };
+                    measure(plan, points, &go_on, &mut |point, measured| {
+                        if send.send(results::row(plan, point, &measured)).is_err() {
+                            failed.store(true, Ordering::Relaxed);
+                        }
+                    });
                 }
             });
         }
@@ -89,17 +102,27 @@ pub fn run_over_bus(
     Ok(todo.iter().all(|point| results.has(*point)))
 }
 
-/// One point in lockstep in this thread; `None` if it was interrupted.
-pub fn measure(plan: &Plan, point: usize, proceed: &dyn Fn() -> bool) -> Option<Measured> {
-    let scenario = match plan.scenario(point) {
-        Ok(scenario) => scenario,
-        Err(error) => return Some(Err(ScenarioError::to_string(&error))),
-    };
-    match experiment::run_direct(&scenario, false, proceed) {
-        Ok(outcome) if outcome.interrupted => None,
-        Ok(outcome) => Some(Ok(outcome.report)),
-        Err(error) => Some(Err(error.to_string())),
+/// Some points in this thread, in lanes or not as [`lanes::structure`] has it; each is handed in as it
+/// comes.
+pub fn measure(
+    plan: &Plan,
+    points: &[usize],
+    proceed: &dyn Fn() -> bool,
+    hand_in: &mut dyn FnMut(usize, Measured),
+) {
+    let (mut numbers, mut scenarios) = (Vec::new(), Vec::new());
+    for point in points {
+        match plan.scenario(*point) {
+            Ok(scenario) => {
+                numbers.push(*point);
+                scenarios.push(scenario);
+            }
+            Err(error) => hand_in(*point, Err(ScenarioError::to_string(&error))),
+        }
     }
+    lanes::measure(&scenarios, proceed, &mut |number, measured| {
+        hand_in(numbers[number], measured);
+    });
 }
 
 fn todo(plan: &Plan, results: &Results, shard: Shard) -> Vec<usize> {

@@ -1,0 +1,267 @@
+//! The arm in motion, many arms at once: an integrator whose steps follow from an error bound.
+//!
+//! The method is the fifth-order one of J. R. Dormand and P. J. Prince (*A family of embedded Runge–Kutta
+//! formulae*, J. Comp. Appl. Math. 6, 1980), whose seven rates of change also give a fourth-order
+//! result; the difference of the two is the estimated error of a step. Each lane has its own time, its
+//! own steps and its own bound.
+//!
+//! The scalar reference is [`crate::simulator`].
+
+use mtj_model::{
+    PLANE,
+    arm::{PlanarArm, Posture},
+    lanes::Lanes,
+};
+use nalgebra::SVector;
+
+/// The longest step, s: longer than any sample period that a loop is closed with.
+const LONGEST: f64 = 0.1;
+/// The shortest step, s; it is taken whatever its error.
+const SHORTEST: f64 = 1e-5;
+/// How much a step may grow from one to the next.
+const GROWTH: f64 = 4.0;
+/// How much of the step that the estimate allows is taken, so that the next one is seldom refused.
+const CAUTION: f64 = 0.9;
+
+/// An arm in each lane, integrated to where its next event is.
+pub struct DormandPrince<T, const N: usize> {
+    /// The arms.
+    pub arm: PlanarArm<T, N>,
+    /// The most that the estimated error of a step may be: Σ over the joints of the errors of q in rad
+    /// and of q̇ in rad/s.
+    pub tolerance: T,
+    /// q, rad.
+    pub position: SVector<T, N>,
+    /// q̇, rad/s.
+    pub velocity: SVector<T, N>,
+    /// ∫ Σ|τᵢ q̇ᵢ| dt, J.
+    pub energy: T,
+    /// τ, held, N m.
+    pub torque: SVector<T, N>,
+    /// How far the next event is, s.
+    pub remaining: T,
+    /// The step that the last estimate allows, s.
+    pub step: T,
+    posture: Posture<T, N>,
+}
+
+impl<T: Lanes, const N: usize> DormandPrince<T, N> {
+    /// Arms that stand still at zero.
+    #[inline(always)]
+    pub fn new(arm: PlanarArm<T, N>) -> Self {
+        let zero = SVector::zeros();
+        Self {
+            arm,
+            tolerance: T::one(),
+            position: zero,
+            velocity: zero,
+            energy: T::zero(),
+            torque: zero,
+            remaining: T::zero(),
+            step: T::constant(LONGEST),
+            posture: Posture::new(&zero, &zero),
+        }
+    }
+
+    /// Puts the arm of a lane into a state from which a run begins; [`Self::settle`] must follow.
+    pub fn place(&mut self, lane: usize, position: &[f64], velocity: &[f64], tolerance: f64) {
+        for joint in 0..N {
+            self.position[joint].set(lane, position[joint]);
+            self.velocity[joint].set(lane, velocity[joint]);
+            self.torque[joint].set(lane, 0.0);
+        }
+        self.energy.set(lane, 0.0);
+        self.remaining.set(lane, 0.0);
+        self.step.set(lane, LONGEST);
+        self.tolerance.set(lane, tolerance);
+    }
+
+    /// Takes notice of states that were set.
+    #[inline(always)]
+    pub fn settle(&mut self) {
+        self.posture = Posture::new(&self.position, &self.velocity);
+    }
+
+    /// How the arms stand.
+    #[inline(always)]
+    pub fn posture(&self) -> Posture<T, N> {
+        self.posture
+    }
+
+    /// The true positions of the tips, m.
+    #[inline(always)]
+    pub fn tip(&self) -> SVector<T, PLANE> {
+        self.arm.in_posture(self.posture).tip()
+    }
+
+    /// q̈ under the torque in effect, rad/s².
+    #[inline(always)]
+    fn pull(&self, posture: &Posture<T, N>) -> SVector<T, N> {
+        self.arm.in_posture(*posture).acceleration(&self.torque)
+    }
+
+    /// The rate of change a step `h` along a mean rate, and angles and posture there.
+    #[inline(always)]
+    fn stage(&self, h: T, mean: Rate<T, N>) -> (Rate<T, N>, SVector<T, N>, Posture<T, N>) {
+        let position = self.position + mean.speed * h;
+        let velocity = self.velocity + mean.pull * h;
+        let posture = Posture::new(&position, &velocity);
+        (Rate { speed: velocity, pull: self.pull(&posture) }, position, posture)
+    }
+
+    /// Tries a step towards the next event in every lane that has not reached it. Where the estimated
+    /// error is beyond the bound nothing moves, and the next step will be shorter.
+    #[inline(always)]
+    pub fn step(&mut self) {
+        let c = T::constant;
+        let steps = (self.remaining / self.step).ceil();
+        let steps = steps.where_below(T::one(), T::one(), steps);
+        let h = self.remaining / steps;
+
+        let start = Rate { speed: self.velocity, pull: self.pull(&self.posture) };
+        let k1 = &start;
+        let (k2, ..) = &self.stage(h, sum([(1.0 / 5.0, k1)]));
+        let (k3, ..) = &self.stage(h, sum([(3.0 / 40.0, k1), (9.0 / 40.0, k2)]));
+        let (k4, ..) =
+            &self.stage(h, sum([(44.0 / 45.0, k1), (-56.0 / 15.0, k2), (32.0 / 9.0, k3)]));
+        let (k5, ..) = &self.stage(
+            h,
+            sum([
+                (19372.0 / 6561.0, k1),
+                (-25360.0 / 2187.0, k2),
+                (64448.0 / 6561.0, k3),
+                (-212.0 / 729.0, k4),
+            ]),
+        );
+        let (k6, ..) = &self.stage(
+            h,
+            sum([
+                (9017.0 / 3168.0, k1),
+                (-355.0 / 33.0, k2),
+                (46732.0 / 5247.0, k3),
+                (49.0 / 176.0, k4),
+                (-5103.0 / 18656.0, k5),
+            ]),
+        );
+        // The fifth-order result.
+        let (k7, position, posture) = &self.stage(
+            h,
+            sum([
+                (35.0 / 384.0, k1),
+                (500.0 / 1113.0, k3),
+                (125.0 / 192.0, k4),
+                (-2187.0 / 6784.0, k5),
+                (11.0 / 84.0, k6),
+            ]),
+        );
+        let velocity = &k7.speed;
+        // How far the fourth-order one is from it.
+        let error = sum([
+            (71.0 / 57600.0, k1),
+            (-71.0 / 16695.0, k3),
+            (71.0 / 1920.0, k4),
+            (-17253.0 / 339_200.0, k5),
+            (22.0 / 525.0, k6),
+            (-1.0 / 40.0, k7),
+        ]);
+        let mut size = T::zero();
+        for joint in 0..N {
+            size += error.speed[joint].abs() + error.pull[joint].abs();
+        }
+        size *= h;
+
+        // A step that is so short, or none at all, is taken anyway.
+        let bound = h.where_below(c(1.5 * SHORTEST), c(f64::INFINITY), self.tolerance);
+        let accept = |new: T, old: T| bound.where_below(size, old, new);
+        let mut work = T::zero();
+        for joint in 0..N {
+            let way = path(
+                h,
+                position[joint] - self.position[joint],
+                self.velocity[joint],
+                velocity[joint],
+            );
+            work += (self.torque[joint] * way).abs();
+            self.position[joint] = accept(position[joint], self.position[joint]);
+            self.velocity[joint] = accept(velocity[joint], self.velocity[joint]);
+        }
+        self.posture = posture.zip(&self.posture, accept);
+        self.energy = accept(self.energy + work, self.energy);
+        self.remaining = accept(self.remaining - h, self.remaining);
+        self.step = T::zero().where_below(h, self.next_step(h, size), self.step);
+    }
+
+    /// The step whose error would be within the bound, from that of a step `h`: the error of the
+    /// fourth-order result grows with h⁵. Of its fifth root r^⅕ we take r^¼ to shorten a step and r^³⁄₁₆ to
+    /// lengthen it, which are near, on the safe side, and made of square roots. A step that an event cut
+    /// short, and whose error says nothing against the longer one before it, leaves that as it is.
+    #[inline(always)]
+    fn next_step(&self, h: T, error: T) -> T {
+        let c = T::constant;
+        let ratio = self.tolerance / (error + c(f64::MIN_POSITIVE));
+        let fourth = ratio.sqrt().sqrt();
+        let eighth = fourth.sqrt();
+        let factor = c(CAUTION) * ratio.where_below(T::one(), fourth, eighth * eighth.sqrt());
+        let shortened = h * c(0.1).where_below(factor, factor, c(0.1));
+        let most = h * c(GROWTH);
+        let kept = most.where_below(self.step, self.step, most);
+        let step = factor.where_below(c(GROWTH), shortened, kept);
+        let step = step.where_below(c(LONGEST), step, c(LONGEST));
+        c(SHORTEST).where_below(step, step, c(SHORTEST))
+    }
+}
+
+/// A rate of change of the state.
+struct Rate<T, const N: usize> {
+    /// q̇, rad/s.
+    speed: SVector<T, N>,
+    /// q̈, rad/s².
+    pull: SVector<T, N>,
+}
+
+/// ∫|q̇| dt over a step of one joint, rad, from the angle Δq it turned and its speeds at both ends.
+///
+/// That is |Δq| where it turned one way. Where it turned back, the motion is taken as the cubic through
+/// both ends: its speed is v₀ + b s + a s² with s from 0 to 1, and the turning point its zero.
+#[inline(always)]
+fn path<T: Lanes>(h: T, turned: T, v0: T, v1: T) -> T {
+    let c = T::constant;
+    let one_way = turned.abs();
+    // Turning points are rare; and who has none does not see whether others have.
+    if !(v0 * v1).is_any_below(T::zero()) {
+        return one_way;
+    }
+    let mean = turned / h;
+    // Mirrored so that it sets out forwards.
+    let forwards = |x: T| v0.where_below(T::zero(), -x, x);
+    let (first, last, mean) = (forwards(v0), forwards(v1), forwards(mean));
+    let b = c(6.0) * mean - c(4.0) * first - c(2.0) * last;
+    let a = c(3.0) * (first + last) - c(6.0) * mean;
+    let discriminant = b * b - c(4.0) * a * first;
+    let s = (first + first) / (discriminant.sqrt() - b);
+    let out = h * s * (first + s * (c(0.5) * b + s * (a * c(1.0 / 3.0))));
+    let there_and_back = out + (out - forwards(turned)).abs();
+    // Only where there is such a point.
+    let turns_back = last.where_below(T::zero(), there_and_back, one_way);
+    T::zero().where_below(first, turns_back, one_way)
+}
+
+/// Σ weightᵢ kᵢ
+#[inline(always)]
+fn sum<T: Lanes, const N: usize, const K: usize>(terms: [(f64, &Rate<T, N>); K]) -> Rate<T, N> {
+    let zero = SVector::zeros();
+    let mut sum = Rate { speed: zero, pull: zero };
+    for joint in 0..N {
+        for (i, (weight, rate)) in terms.iter().enumerate() {
+            let weight = T::constant(*weight);
+            let (speed, pull) = (rate.speed[joint] * weight, rate.pull[joint] * weight);
+            if i == 0 {
+                (sum.speed[joint], sum.pull[joint]) = (speed, pull);
+            } else {
+                sum.speed[joint] += speed;
+                sum.pull[joint] += pull;
+            }
+        }
+    }
+    sum
+}

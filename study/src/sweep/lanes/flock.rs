@@ -1,0 +1,327 @@
+//! The loops of all lanes, moved together.
+
+use mtj_controller::{
+    prediction::Tip,
+    responder::{Recollection, Responder, Response, is_singular},
+};
+use mtj_model::{PLANE, arm::Posture, lanes::Lanes, scenario::Scenario};
+use mtj_plant::{dormand_prince::DormandPrince, ledger::Ledger, simulator::RUNAWAY};
+use mtj_protocol::sample::padded;
+use nalgebra::SVector;
+
+use super::{
+    Queue,
+    lane::{Event, Lane, Sample},
+    uniform::Uniform,
+};
+
+/// How many steps to do before looking again whether to go on.
+const PATIENCE: u32 = 1024;
+
+/// The loops, their arms and their controllers.
+pub struct Flock<'a, 'b, T, const N: usize> {
+    queue: Queue<'a, 'b>,
+    next: usize,
+    loops: Vec<Place<'a, N>>,
+    arms: DormandPrince<T, N>,
+    responder: Responder<T, N>,
+    previous: Tip<T>,
+    has_noise: bool,
+    predicts: bool,
+    ledger: Ledger,
+}
+
+/// A lane's place.
+#[derive(Default)]
+struct Place<'s, const N: usize> {
+    lane: Option<Lane<'s, N>>,
+    /// Whether it is at a sample that is not answered yet.
+    is_waiting: bool,
+    /// When that sample reaches its controller, ns.
+    delivered_ns: Option<u64>,
+}
+
+impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
+    /// Computes everything in a queue.
+    #[inline(always)]
+    pub fn fly(queue: Queue<'a, 'b>) {
+        let Some(first) = queue.numbers.first().map(|number| &queue.scenarios[*number]) else {
+            return;
+        };
+        let all = vec![first; T::COUNT];
+        let uniform = Uniform(&all);
+        let mut flock = Self {
+            next: 0,
+            loops: (0..T::COUNT).map(|_| Place::default()).collect(),
+            arms: DormandPrince::new(uniform.arm(false)),
+            responder: uniform.responder(),
+            previous: Tip::unknown(),
+            has_noise: first.noise > 0.0,
+            predicts: first.law.prediction.is_some(),
+            ledger: Ledger::new(),
+            queue,
+        };
+        flock.run();
+    }
+
+    #[inline(always)]
+    fn run(&mut self) {
+        let mut steps = 0;
+        self.fill();
+        loop {
+            let active = self.loops.iter().filter(|place| place.lane.is_some()).count();
+            let waiting = self.loops.iter().filter(|place| place.is_waiting).count();
+            if active == 0 {
+                return;
+            }
+            // To answer costs about half as much as a step, and all lanes pay for both: so a few that
+            // have many steps to do do not hold up the others, nor the others them.
+            if 2 * waiting >= active {
+                if self.answer() {
+                    self.fill();
+                }
+                continue;
+            }
+            self.arms.step();
+            let mut has_ended = false;
+            for lane in 0..T::COUNT {
+                if !self.loops[lane].is_waiting && self.arms.remaining.get(lane) == 0.0 {
+                    has_ended |= self.reach(lane);
+                }
+            }
+            if has_ended {
+                self.fill();
+            }
+            steps += 1;
+            if steps % PATIENCE == 0 && !(self.queue.proceed)() {
+                return;
+            }
+        }
+    }
+
+    /// Gives lanes that are free to the next runs.
+    #[inline(never)]
+    fn fill(&mut self) {
+        for lane in 0..T::COUNT {
+            while self.loops[lane].lane.is_none() {
+                let Some(number) = self.queue.numbers.get(self.next).copied() else { break };
+                self.next += 1;
+                let scenario = &self.queue.scenarios[number];
+                match Lane::new(number, scenario) {
+                    Err(_) => (self.queue.hand_in)(number, None),
+                    Ok(new) => {
+                        let arm = &scenario.arm;
+                        let tolerance = scenario.timing.tolerance.unwrap_or(1.0);
+                        self.arms.place(lane, &arm.position, &arm.velocity, tolerance);
+                        self.previous.time.set(lane, f64::INFINITY);
+                        self.loops[lane] =
+                            Place { lane: Some(new), is_waiting: true, delivered_ns: None };
+                    }
+                }
+            }
+        }
+        let some =
+            self.loops.iter().find_map(|place| place.lane.as_ref()).map(|lane| lane.scenario);
+        let Some(some) = some else { return };
+        let of_lane = |place: &Place<'a, N>| place.lane.as_ref().map_or(some, |lane| lane.scenario);
+        let all: Vec<&Scenario> = self.loops.iter().map(of_lane).collect();
+        self.arms.arm = Uniform(&all).arm(false);
+        self.responder = Uniform(&all).responder();
+        self.arms.settle();
+    }
+
+    /// A lane's arm has come to the event it was moving to; returns whether that was its last.
+    #[inline(always)]
+    fn reach(&mut self, lane: usize) -> bool {
+        let has_diverged = self.has_diverged(lane);
+        let place = &mut self.loops[lane];
+        let Some(this) = &mut place.lane else { return false };
+        this.diverged = has_diverged;
+        loop {
+            match this.event {
+                Event::Sample => {
+                    place.is_waiting = true;
+                    return false;
+                }
+                Event::End => break,
+                Event::Arrive => {
+                    if let Some(torque) = this.arrive() {
+                        put(&mut self.arms.torque, lane, &torque);
+                    }
+                    if this.diverged {
+                        break;
+                    }
+                }
+            }
+            let span = this.look_ahead();
+            if span > 0.0 {
+                self.arms.remaining.set(lane, span);
+                return false;
+            }
+        }
+        self.end(lane);
+        true
+    }
+
+    fn has_diverged(&self, lane: usize) -> bool {
+        // Written so that a NaN counts as diverged.
+        !(0..N).all(|joint| self.arms.velocity[joint].get(lane).abs() < RUNAWAY)
+    }
+
+    #[inline(never)]
+    fn end(&mut self, lane: usize) {
+        let energy = self.arms.energy.get(lane);
+        let place = &mut self.loops[lane];
+        place.is_waiting = false;
+        if let Some(mut lane) = place.lane.take() {
+            let report = lane.report(energy, &mut self.ledger);
+            (self.queue.hand_in)(lane.number, Some(report));
+        }
+        self.arms.remaining.set(lane, 0.0);
+    }
+
+    /// Answers all samples that wait for it; returns whether a run has ended.
+    #[inline(always)]
+    fn answer(&mut self) -> bool {
+        let samples = self.take_samples();
+        let response = self.respond(&samples);
+        let squared_error = self.squared_error(&samples, &response);
+        let mut has_ended = false;
+        for lane in 0..T::COUNT {
+            if self.loops[lane].is_waiting {
+                has_ended |= self.go_on(lane, squared_error.get(lane), &response);
+            }
+        }
+        has_ended
+    }
+
+    #[inline(always)]
+    fn take_samples(&mut self) -> Samples<T, N> {
+        let (position, velocity) = (self.arms.position, self.arms.velocity);
+        let (zero, nothing) = (T::zero(), SVector::zeros());
+        let (time, horizon, recalled, is_heard) = (zero, zero, nothing, zero);
+        let mut all = Samples { time, position, velocity, horizon, recalled, is_heard };
+        for lane in 0..T::COUNT {
+            let place = &mut self.loops[lane];
+            let Some(this) = place.lane.as_mut().filter(|_| place.is_waiting) else { continue };
+            all.time.set(lane, this.time_ns as f64 * 1e-9);
+            if this.diverged {
+                continue;
+            }
+            let Sample { recalled, horizon, delivered_ns } = this.sample();
+            if self.has_noise {
+                let truly = (numbers(&position, lane), numbers(&velocity, lane));
+                let (q, q_dot) = this.sense(padded(&truly.0), padded(&truly.1));
+                put(&mut all.position, lane, &q);
+                put(&mut all.velocity, lane, &q_dot);
+            }
+            put(&mut all.recalled, lane, recalled.as_slice());
+            all.horizon.set(lane, horizon);
+            all.is_heard.set(lane, if delivered_ns.is_some() { 1.0 } else { 0.0 });
+            place.delivered_ns = delivered_ns;
+        }
+        all
+    }
+
+    #[inline(always)]
+    fn respond(&mut self, samples: &Samples<T, N>) -> Response<T, N> {
+        let posture = if self.has_noise {
+            Posture::new(&samples.position, &samples.velocity)
+        } else {
+            self.arms.posture()
+        };
+        let recollection = Recollection {
+            previous: self.previous,
+            horizon: if self.predicts { Some(samples.horizon) } else { None },
+            force: Some(samples.recalled),
+        };
+        let response = self.responder.respond(samples.time, posture, &recollection);
+        let heard = |new: T, old: T| T::zero().where_below(samples.is_heard, new, old);
+        self.previous.time = heard(response.tip.time, self.previous.time);
+        for axis in 0..PLANE {
+            self.previous.velocity[axis] =
+                heard(response.tip.velocity[axis], self.previous.velocity[axis]);
+        }
+        response
+    }
+
+    /// ‖e‖² of the true tracking error, m².
+    #[inline(always)]
+    fn squared_error(&self, samples: &Samples<T, N>, response: &Response<T, N>) -> T {
+        // Who does not aim ahead has looked at the same instant.
+        let desired = if self.predicts {
+            self.responder.trajectory.at(samples.time).position
+        } else {
+            response.desired.position
+        };
+        let error = desired - self.arms.tip();
+        error.x * error.x + error.y * error.y
+    }
+
+    /// Lets a lane go on from a sample; returns whether it was its last.
+    #[inline(always)]
+    fn go_on(&mut self, lane: usize, squared_error: f64, response: &Response<T, N>) -> bool {
+        let place = &mut self.loops[lane];
+        place.is_waiting = false;
+        let delivered_ns = place.delivered_ns.take();
+        let Some(this) = &mut place.lane else { return false };
+        this.note_error(squared_error);
+        if this.diverged {
+            self.end(lane);
+            return true;
+        }
+        if let Some(delivered_ns) = delivered_ns {
+            if is_singular(response.condition.get(lane)) {
+                (self.queue.hand_in)(this.number, None);
+                place.lane = None;
+                return true;
+            }
+            let torque = numbers(&response.torque, lane);
+            let force = numbers(&response.remembered.force, lane);
+            if let Some(torque) = this.command(delivered_ns, torque, force) {
+                put(&mut self.arms.torque, lane, &torque);
+            }
+        }
+        this.end_sample();
+        let span = this.look_ahead();
+        if span > 0.0 {
+            self.arms.remaining.set(lane, span);
+            return false;
+        }
+        self.reach(lane)
+    }
+}
+
+/// What the controllers are told; only the lanes that wait mean something.
+struct Samples<T, const N: usize> {
+    /// s.
+    time: T,
+    /// Measured, rad.
+    position: SVector<T, N>,
+    /// Measured, rad/s.
+    velocity: SVector<T, N>,
+    /// s.
+    horizon: T,
+    /// N.
+    recalled: SVector<T, PLANE>,
+    /// One where the sample reaches its controller, else zero.
+    is_heard: T,
+}
+
+/// The numbers of one lane.
+#[inline(always)]
+fn numbers<T: Lanes, const N: usize>(all: &SVector<T, N>, lane: usize) -> [f64; N] {
+    let mut numbers = [0.0; N];
+    for (number, all) in numbers.iter_mut().zip(all.iter()) {
+        *number = all.get(lane);
+    }
+    numbers
+}
+
+/// Puts numbers into one lane.
+#[inline(always)]
+fn put<T: Lanes, const N: usize>(all: &mut SVector<T, N>, lane: usize, numbers: &[f64]) {
+    for (all, number) in all.iter_mut().zip(numbers) {
+        all.set(lane, *number);
+    }
+}

@@ -1,0 +1,222 @@
+//! A sweep's lanes against the scalar path.
+
+#![allow(clippy::unwrap_used, clippy::expect_used)] // A test that cannot go on should say so.
+
+use mtj_model::{
+    lanes::Width,
+    scenario::{Override, Scenario},
+};
+use mtj_plant::report::Report;
+use mtj_study::{
+    experiment,
+    sweep::{lanes, plan::Plan},
+};
+
+/// Everything in which lanes may differ, and everything by which they are put together.
+const MIXED: &str = r#"
+scenario = "sampled/mtj"
+
+[set]
+"timing.clock" = "lockstep"
+"bus.kind" = "local"
+"duration" = "3 s"
+
+[[axes]]
+name = "law"
+variants = [
+    { name = "tj", set = { "law.kind" = "tj", "law.kp" = 60, "law.kd" = 100 } },
+    { name = "mtj sent", set = { "law.memory.policy" = "sent", "law.memory.step" = "20 ms" } },
+    { name = "mtj applied", set = { "law.memory.policy" = "applied", "law.factor.ceiling" = 0.9 } },
+    { name = "mtj delivered", set = { "law.memory.policy" = "delivered", "law.memory.step" = "40 ms", "law.factor.kind" = "diagonal", "law.factor.error" = [0.5, 1.0] } },
+    { name = "mtj ahead", set = { "law.memory.policy" = "delivered", "law.prediction.horizon" = "measured" } },
+    { name = "mtj switch", set = { "law.factor.kind" = "switch", "law.factor.error" = 0.05, "law.factor.error_rate" = 0.5 } },
+    { name = "mtj acceleration", set = { "law.acceleration" = true, "law.kp" = [30, 40], "law.kd" = [[60, 5], [5, 50]] } },
+    { name = "mb", set = { "law.kind" = "mb", "law.kp" = 8, "law.kd" = 4, "law.model.mass_scale" = 1.1 } },
+    { name = "mb ahead", set = { "law.kind" = "mb", "law.kp" = 8, "law.kd" = 4, "law.prediction.horizon" = "3 ms" } },
+]
+
+[[axes]]
+name = "link"
+variants = [
+    { name = "none", set = {} },
+    { name = "state", set = { "link.state.latency" = "1 ms", "link.torque.latency" = "0.3 ms" } },
+    { name = "a period", set = { "link.torque.latency" = "10 ms" } },
+    { name = "jitter", set = { "link.state.latency" = "2 ms", "link.state.jitter.kind" = "gamma", "link.state.jitter.deviation" = "4 ms", "link.torque.latency" = "1 ms", "link.torque.jitter.kind" = "uniform", "link.torque.jitter.spread" = "1 ms" } },
+    { name = "dropout", set = { "link.state.dropout" = 0.02, "link.torque.dropout.enter" = 0.01, "link.torque.dropout.leave" = 0.25 } },
+]
+
+[[axes]]
+name = "loop"
+variants = [
+    { name = "plain", set = {} },
+    { name = "noise", set = { "sensor.noise" = 0.005, "seed" = 7 } },
+    { name = "slow", set = { "timing.sample_period" = "20 ms", "arm.links[1].mass" = 3.5 } },
+    { name = "fast", set = { "timing.sample_period" = "4 ms", "arm.gravity" = [0.0, -9.81] } },
+    { name = "limited", set = { "safety.torque_limit" = [14, 7], "trajectory.radius" = 1.3 } },
+    { name = "line", set = { "trajectory.kind" = "point-to-point" } },
+]
+"#;
+
+/// What a scenario of another trajectory must not say.
+fn mixed(step: &str) -> Vec<Scenario> {
+    let text = MIXED.replace(
+        r#""trajectory.kind" = "point-to-point""#,
+        r#""trajectory" = { kind = "point-to-point", from = [0.9, 1.0], to = [0.3, 1.3], duration = "2 s" }"#,
+    );
+    let plan = Plan::parse("mixed", &text, &[set("timing.integration_step", step)]).unwrap();
+    // A memory step is not a multiple of every sample period; such points have no scenario.
+    (0..plan.len()).filter_map(|point| plan.scenario(point).ok()).collect()
+}
+
+fn set(key: &str, value: &str) -> Override {
+    Override::text(key, value)
+}
+
+fn in_lanes(scenarios: &[Scenario]) -> Vec<Result<Report, String>> {
+    in_width(Width::widest(), scenarios)
+}
+
+fn in_width(width: Width, scenarios: &[Scenario]) -> Vec<Result<Report, String>> {
+    let mut results = vec![None; scenarios.len()];
+    lanes::measure_in(width, scenarios, &|| true, &mut |number, measured| {
+        assert!(results[number].replace(measured).is_none(), "{number} was handed in twice");
+    });
+    results.into_iter().map(Option::unwrap).collect()
+}
+
+fn reference(scenario: &Scenario) -> Result<Report, String> {
+    lanes::reference(scenario, &|| true).unwrap()
+}
+
+fn is_close(ours: Option<f64>, theirs: Option<f64>, tolerance: f64) -> bool {
+    match (ours, theirs) {
+        (Some(ours), Some(theirs)) => (ours - theirs).abs() <= tolerance,
+        (ours, theirs) => ours.is_none() && theirs.is_none(),
+    }
+}
+
+#[test]
+fn every_lane_agrees_with_the_scalar_reference() {
+    let scenarios = mixed("auto");
+    assert!(scenarios.len() > 200, "{}", scenarios.len());
+    assert!(scenarios.iter().all(|scenario| lanes::structure(scenario).is_some()));
+    let (usual, fine) = (mixed("1 ms"), mixed("0.1 ms"));
+    let (mut compared, mut unsettled, mut diverged) = (0, 0, 0);
+    for (i, ours) in in_lanes(&scenarios).into_iter().enumerate() {
+        let overrides = scenarios[i].text();
+        let (ours, theirs) = match (ours, reference(&fine[i])) {
+            (Ok(ours), Ok(theirs)) => (ours, theirs),
+            (ours, theirs) => {
+                assert_eq!(ours.err(), theirs.err(), "{overrides}");
+                continue;
+            }
+        };
+        let usual = reference(&usual[i]).unwrap();
+        // A run that a thousandth of a millimetre's change drives elsewhere has no exact result: what a
+        // reference of usual steps has in common with one of fine steps is what can be asked for.
+        let is_settled = !theirs.diverged && is_close(usual.rms_error_m, theirs.rms_error_m, 1e-10);
+        if !is_settled {
+            unsettled += 1;
+            assert_eq!(ours.diverged, theirs.diverged, "{overrides}");
+            diverged += u32::from(ours.diverged);
+            continue;
+        }
+        compared += 1;
+        assert_eq!(ours.diverged, theirs.diverged, "{overrides}");
+        assert_eq!((ours.samples, ours.commands), (theirs.samples, theirs.commands), "{overrides}");
+        assert_eq!(ours.duration_s, theirs.duration_s);
+        for (name, ours, theirs, tolerance) in [
+            ("rms error", ours.rms_error_m, theirs.rms_error_m, 1e-9),
+            ("peak error", ours.peak_error_m, theirs.peak_error_m, 1e-8),
+            ("energy", ours.energy_j, theirs.energy_j, 1e-4),
+            ("torque step", ours.torque_step_rms_nm, theirs.torque_step_rms_nm, 1e-5),
+            ("torque", Some(ours.peak_torque_nm[0]), Some(theirs.peak_torque_nm[0]), 1e-5),
+            ("torque", Some(ours.peak_torque_nm[1]), Some(theirs.peak_torque_nm[1]), 1e-5),
+        ] {
+            assert!(
+                is_close(ours, theirs, tolerance),
+                "{name}: {ours:?}, reference {theirs:?}\n{overrides}"
+            );
+        }
+    }
+    println!("{compared} compared, {unsettled} that no step settles, of which {diverged} diverged");
+    assert!(compared > 200 && unsettled * 10 < compared, "{compared} and {unsettled}");
+}
+
+#[test]
+fn a_result_depends_neither_on_its_lane_nor_on_its_neighbours_nor_on_the_width_of_the_vectors() {
+    let scenarios = mixed("auto");
+    let expected = in_lanes(&scenarios);
+    let mut backwards = scenarios.clone();
+    backwards.reverse();
+    let mut results = in_lanes(&backwards);
+    results.reverse();
+    assert!(results == expected, "backwards");
+    for i in (0..scenarios.len()).step_by(23) {
+        assert_eq!(in_lanes(&scenarios[i..=i])[0], expected[i], "alone");
+    }
+    for width in Width::all() {
+        assert!(in_width(width, &scenarios) == expected, "{width:?}");
+    }
+}
+
+#[test]
+fn a_tolerance_is_kept() {
+    let scenario = |more: &[Override]| {
+        let mut sets = vec![
+            set("timing.clock", "lockstep"),
+            set("timing.sample_period", "40ms"),
+            set("law.kind", "tj"),
+            set("duration", "5 s"),
+        ];
+        sets.extend_from_slice(more);
+        Scenario::load("sampled/mtj", &sets).unwrap()
+    };
+    let gains = [("30", "20"), ("15", "12")];
+    for (kp, kd) in gains.map(|(kp, kd)| (kp.parse::<f64>().unwrap(), kd.parse::<f64>().unwrap())) {
+        let gains = [Override::value("law.kp", kp.into()), Override::value("law.kd", kd.into())];
+        let fine = [set("timing.integration_step", "0.1 ms")];
+        let exact = reference(&scenario(&[&gains[..], &fine].concat())).unwrap();
+        let error = |tolerance: f64| {
+            let auto = set("timing.integration_step", "auto");
+            let tolerance = Override::value("timing.tolerance", tolerance.into());
+            let ours = in_lanes(&[scenario(&[&gains[..], &[auto, tolerance]].concat())]);
+            let ours = ours[0].as_ref().unwrap().rms_error_m.unwrap();
+            (ours - exact.rms_error_m.unwrap()).abs()
+        };
+        let errors = [1e-3, 1e-5, 1e-7, 1e-9].map(|tolerance| (tolerance, error(tolerance)));
+        println!("kp {kp}, kd {kd}: tolerance and error {errors:?}");
+        assert!(errors.iter().all(|(tolerance, error)| error < tolerance), "{errors:?}");
+    }
+}
+
+#[test]
+fn what_lanes_do_not_do_is_the_scalar_path_bit_for_bit() {
+    for more in [
+        [set("timing.integration_step", "5 ms"), set("duration", "1 s")],
+        [set("safety.command_timeout", "50 ms"), set("safety.on_timeout", "damp")],
+    ] {
+        let mut sets =
+            vec![set("timing.clock", "lockstep"), set("timing.integration_step", "auto")];
+        sets.extend(more);
+        let scenario = Scenario::load("sampled/mtj", &sets).unwrap();
+        assert_eq!(lanes::structure(&scenario), None);
+        let expected = experiment::run_direct(&scenario, false, &|| true).unwrap().report;
+        assert_eq!(in_lanes(std::slice::from_ref(&scenario))[0], Ok(expected));
+    }
+}
+
+#[test]
+fn the_benchmark_prints_how_far_the_lanes_are_from_the_reference_and_that_is_not_far() {
+    let arguments = ["bench", "sweep", "--runs", "16", "--checks", "4", "--threads", "2"];
+    let output =
+        std::process::Command::new(env!("CARGO_BIN_EXE_mtj")).args(arguments).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    let differences: Vec<f64> = text
+        .lines()
+        .filter_map(|line| line.strip_suffix(" m")?.split_whitespace().last()?.parse().ok())
+        .collect();
+    assert_eq!(differences.len(), 8, "{text}");
+    assert!(differences.iter().all(|difference| *difference < 1e-9), "{text}");
+}
