@@ -41,7 +41,7 @@ pub struct ControllerPort {
     errors: Box<dyn Writer<ErrorSample>>,
     presence: Presence,
     newest: Option<Header>,
-    /// When a state of our run came last, unless one came just now.
+    /// When a state of our run came last, unless one has come since.
     heard: Instant,
     has_heard: bool,
     scenario: Follower,
@@ -79,10 +79,7 @@ impl ControllerPort {
 
     /// The newest acceptable state, waiting for one until `until`.
     pub fn receive(&mut self, until: Instant) -> Result<Option<Heard>, BusError> {
-        // Here, because it is not on the critical path: to read a clock takes a good part of what a law takes.
-        if mem::take(&mut self.has_heard) {
-            self.heard = Instant::now();
-        }
+        self.note_when_heard();
         while let Some(state) = bus::receive(&mut *self.states, self.wait, until)? {
             let mut heard = self.judge(state);
             // At most as many as can wait: whoever writes faster must not hold us for ever.
@@ -112,6 +109,13 @@ impl ControllerPort {
         Ok(None)
     }
 
+    /// Off the critical path, because to read a clock takes a good part of what a law takes.
+    fn note_when_heard(&mut self) {
+        if mem::take(&mut self.has_heard) {
+            self.heard = Instant::now();
+        }
+    }
+
     fn judge(&mut self, state: StateSample) -> Option<Heard> {
         match self.gate.judge(&state) {
             Verdict::Fresh => {
@@ -121,7 +125,7 @@ impl ControllerPort {
                 Some(Heard::State(state))
             }
             Verdict::Repeated => {
-                self.has_heard = true;
+                (self.heard, self.has_heard) = (Instant::now(), false);
                 Some(Heard::Again(state))
             }
             Verdict::Refused(Fault::Run) if !self.has_heard && self.heard.elapsed() > QUIET => {
@@ -163,6 +167,7 @@ impl ControllerPort {
     /// Tells everybody what we sent, and that we are there. Off the critical path too; to be called after
     /// each state.
     pub fn tell(&mut self, state: &StateSample) -> Result<(), BusError> {
+        self.note_when_heard();
         self.torques.settle()?;
         self.states.follow()?;
         self.presence.tell(&state.header)

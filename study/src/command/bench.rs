@@ -25,7 +25,7 @@ enum Part {
 struct Sweep {
     /// Runs in lanes on each thread
     #[arg(long, value_name = "N", default_value = "10000")]
-    runs: usize,
+    runs: NonZero<usize>,
     /// The most threads; as many as there are cores unless given
     #[arg(long, value_name = "N")]
     threads: Option<NonZero<usize>>,
@@ -41,7 +41,7 @@ impl Bench {
             Part::Sweep(Sweep { runs, threads, checks }) => {
                 let cores = || thread::available_parallelism().map_or(1, NonZero::get);
                 let threads = threads.map_or_else(cores, NonZero::get);
-                let settings = sweep::Settings { runs, threads, checks };
+                let settings = sweep::Settings { runs: runs.get(), threads, checks };
                 let shutdown = Shutdown::on_signals();
                 Ok(sweep::sweep(&settings, &mut io::stdout().lock(), &move || shutdown.proceed())?)
             }
