@@ -53,7 +53,7 @@ fn kept_up(report: &Value) -> bool {
 
 fn fails_over(bus: &str) {
     let _alone = MACHINE.lock().unwrap_or_else(PoisonError::into_inner);
-    const ATTEMPTS: usize = 5;
+    const ATTEMPTS: usize = 10;
     for attempt in 1..=ATTEMPTS {
         let undisturbed = run_undisturbed(bus);
         let report = run_with_kills(bus);
