@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod command;
 pub mod experiment;
+pub mod failure;
 pub mod figure;
 pub mod latency;
 pub mod launcher;

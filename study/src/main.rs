@@ -7,7 +7,6 @@ use mtj_controller::options::ControllerOptions;
 use mtj_monitor::options::MonitorOptions;
 use mtj_plant::options::PlantOptions;
 use mtj_study::command::{
-    Failure,
     bench::Bench,
     bridge::BridgeCommand,
     certs::Certs,
@@ -22,6 +21,7 @@ use mtj_study::command::{
     tune::Tune,
     up::Up,
 };
+use mtj_study::failure::Failure;
 
 /// Close a robot's control loop over a bus, and study what sample period and latency do to it
 #[derive(Parser)]

@@ -10,7 +10,7 @@ use mtj_plant::{
 use mtj_protocol::{bus::BusError, member::Role, port::PlantPort, transport::AnyBus};
 
 use crate::{
-    command::Failure,
+    failure::Failure,
     launcher::{Launch, LoopRealtime},
 };
 

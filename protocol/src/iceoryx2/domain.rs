@@ -7,7 +7,7 @@
 //! if the holder dies. Whoever is inside knows that what is half done there was left by the dead.
 
 use std::{
-    fs::{self, DirBuilder, File, OpenOptions, Permissions, TryLockError},
+    fs::{self, DirBuilder, DirEntry, File, OpenOptions, Permissions, TryLockError},
     io,
     ops::{Deref, DerefMut},
     os::unix::fs::{DirBuilderExt, FileExt, MetadataExt, OpenOptionsExt, PermissionsExt},
@@ -22,7 +22,7 @@ use iceoryx2::prelude::{
     Config, FileName, Node, NodeBuilder, SemanticString as _, SignalHandlingMode, ipc,
 };
 
-use super::{refusal::Refusal, scarcity, sweep::entries};
+use super::{refusal::Refusal, scarcity};
 use crate::bus::BusError;
 
 /// Where segments of shared memory are files.
@@ -249,6 +249,12 @@ impl Drop for Open {
     fn drop(&mut self) {
         drop(Inside(&self.0));
     }
+}
+
+/// What is in a directory; nothing, if it cannot be read.
+pub fn entries(directory: &Path) -> impl Iterator<Item = (String, DirEntry)> {
+    let entries = fs::read_dir(directory).into_iter().flatten().flatten();
+    entries.filter_map(|entry| Some((entry.file_name().into_string().ok()?, entry)))
 }
 
 /// Makes a directory that is ours alone, or makes sure that it is.

@@ -2,7 +2,7 @@
 
 use std::{
     collections::HashSet,
-    fs::{self, DirEntry, File},
+    fs::{self, File},
     os::unix::fs::MetadataExt,
     path::Path,
 };
@@ -12,7 +12,7 @@ use iceoryx2::{
     prelude::{CallbackProgression, Node, NodeState, Service as _, ipc},
 };
 
-use super::domain::{Domain, Inside, SEGMENTS};
+use super::domain::{Domain, Inside, SEGMENTS, entries};
 
 impl Domain {
     /// Clears away what belongs to nobody who lives.
@@ -142,12 +142,6 @@ fn process_of(id: u128) -> u32 {
 /// The numbers in a name.
 fn numbers(name: &str) -> impl Iterator<Item = u128> {
     name.split(['_', '.']).filter_map(|part| part.parse().ok())
-}
-
-/// What is in a directory; nothing, if it cannot be read.
-pub fn entries(directory: &Path) -> impl Iterator<Item = (String, DirEntry)> {
-    let entries = fs::read_dir(directory).into_iter().flatten().flatten();
-    entries.filter_map(|entry| Some((entry.file_name().into_string().ok()?, entry)))
 }
 
 /// Removes a file or a directory. It may have gone already; if it cannot be removed, the next may try.

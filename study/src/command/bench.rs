@@ -5,8 +5,8 @@ use std::{io, num::NonZero, thread};
 use clap::{Args, Subcommand};
 use mtj_protocol::shutdown::Shutdown;
 
-use super::Failure;
 use crate::bench::sweep;
+use crate::failure::Failure;
 
 /// Measure how fast this program is on this machine
 #[derive(Args, Debug)]

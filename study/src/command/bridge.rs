@@ -17,7 +17,7 @@ use mtj_protocol::{
     transport::AnyBus,
 };
 
-use super::Failure;
+use crate::failure::Failure;
 
 /// How long a sample may lie before it is carried over.
 const PERIOD: Duration = Duration::from_millis(1);

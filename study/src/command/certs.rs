@@ -16,7 +16,7 @@ use rcgen::{
 };
 use time::{Duration, OffsetDateTime};
 
-use super::Failure;
+use crate::failure::Failure;
 
 /// Who signs.
 const AUTHORITY: &str = "mtj authority";

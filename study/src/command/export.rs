@@ -10,7 +10,7 @@ use clap::Args;
 use mtj_monitor::recording::{self, Recorded, Recording, TOPICS, Topic};
 use mtj_protocol::{port::Message, sample::Field};
 
-use super::Failure;
+use crate::failure::Failure;
 
 /// Turn a recording into tables, one CSV file for each topic
 #[derive(Args, Debug)]

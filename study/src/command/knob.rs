@@ -13,7 +13,7 @@ use mtj_protocol::{
     transport::AnyBus,
 };
 
-use super::Failure;
+use crate::failure::Failure;
 
 /// How long to look for a plant, and how long it may take to answer.
 const PATIENCE: Duration = Duration::from_secs(3);

@@ -11,7 +11,7 @@ use clap::{Args, ValueEnum};
 use mtj_model::scenario::{BusKind, DEFAULT_SPIN, Wait};
 use mtj_protocol::{realtime::RealtimeOptions, shutdown::Shutdown};
 
-use super::Failure;
+use crate::failure::Failure;
 use crate::{
     latency::{self, Effort, Measured, Proceed, Way, print},
     launcher::LoopRealtime,

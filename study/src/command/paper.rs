@@ -11,7 +11,7 @@ use mtj_plant::report::Report;
 use mtj_protocol::shutdown::Shutdown;
 use serde::Serialize;
 
-use super::Failure;
+use crate::failure::Failure;
 use crate::{
     figure::{FigureError, Written},
     paper::{

@@ -13,7 +13,8 @@ use std::{
 use clap::Args;
 use mtj_protocol::shutdown::Shutdown;
 
-use super::{Failure, which::Which};
+use super::which::Which;
+use crate::failure::Failure;
 use crate::predict::{self, MOST, Prediction};
 
 /// Predict the largest latency of each loop of a study, and measure it

@@ -14,7 +14,7 @@ use mtj_monitor::{
 };
 use mtj_protocol::shutdown::Shutdown;
 
-use super::Failure;
+use crate::failure::Failure;
 use crate::replay;
 
 /// Feed recorded states to a controller and compare its torques with the recorded ones, bit for bit; or

@@ -8,7 +8,7 @@ use std::{
 use clap::Args;
 use mtj_protocol::shutdown::Shutdown;
 
-use super::Failure;
+use crate::failure::Failure;
 use crate::{
     figure::{self, Written},
     report::{cells, figures, layout::Layout, limits, page},

@@ -8,7 +8,7 @@ use mtj_plant::{
 };
 use mtj_protocol::{shutdown::Shutdown, transport::AnyBus};
 
-use super::Failure;
+use crate::failure::Failure;
 use crate::{
     experiment,
     launcher::{Launch, LoopRealtime},

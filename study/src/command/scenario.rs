@@ -6,7 +6,7 @@ use clap::{Args, Subcommand};
 use mtj_model::scenario::BUILT_IN;
 use mtj_plant::options::ScenarioOptions;
 
-use super::Failure;
+use crate::failure::Failure;
 
 /// List, show or check scenarios
 #[derive(Args, Debug)]

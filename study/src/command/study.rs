@@ -12,7 +12,8 @@ use mtj_model::scenario::{BusKind, Override, Scenario};
 use mtj_plant::options::ScenarioOptions;
 use mtj_protocol::{options::BusOptions, shutdown::Shutdown};
 
-use super::{Failure, predict::Predict, report::ReportStudy, which::Which};
+use super::{predict::Predict, report::ReportStudy, which::Which};
+use crate::failure::Failure;
 use crate::{
     launcher::LoopRealtime,
     session::Session,

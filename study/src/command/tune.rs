@@ -7,7 +7,8 @@ use mtj_model::scenario::{BusKind, Override, Scenario, duration};
 use mtj_plant::options::ScenarioOptions;
 use mtj_protocol::shutdown::Shutdown;
 
-use super::{Failure, run::launch_roles};
+use super::run::launch_roles;
+use crate::failure::Failure;
 use crate::{
     experiment,
     launcher::Launch,

@@ -5,7 +5,8 @@ use mtj_model::scenario::BusKind;
 use mtj_monitor::options::AudienceOptions;
 use mtj_plant::options::ScenarioOptions;
 
-use super::{Failure, run::launch_roles};
+use super::run::launch_roles;
+use crate::failure::Failure;
 use crate::launcher::{Launch, LoopRealtime, Show};
 
 /// Start plant, controller and monitor in real time, with a live view; Ctrl-C ends all three

@@ -3,7 +3,7 @@
 use clap::Args;
 use mtj_model::scenario::Override;
 
-use super::Failure;
+use crate::failure::Failure;
 use crate::sweep::plan::Plan;
 
 /// Which study

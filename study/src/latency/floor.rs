@@ -10,7 +10,7 @@ use std::{
 use mtj_plant::durations::Durations;
 
 use super::Effort;
-use crate::command::Failure;
+use crate::failure::Failure;
 
 /// A cache line of its own, and the one that is fetched beside it.
 #[repr(align(128))]

@@ -16,7 +16,7 @@ use mtj_model::scenario::{BusKind, Wait};
 use mtj_plant::durations::{Durations, Percentiles};
 use serde::Serialize;
 
-use crate::{command::Failure, launcher::LoopRealtime};
+use crate::{failure::Failure, launcher::LoopRealtime};
 
 pub use bare::echo;
 pub use rate::{Held, highest_rate};

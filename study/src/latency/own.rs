@@ -13,7 +13,7 @@ use mtj_plant::{durations::Durations, options::ScenarioOptions, plant::Outcome};
 use mtj_protocol::options::BusOptions;
 
 use super::{Effort, Proceed, Way, free_endpoint};
-use crate::{command::Failure, session::Session};
+use crate::{failure::Failure, session::Session};
 
 /// The experiment: the paper's task under the law this is all about.
 const SCENARIO: &str = "sampled/mtj";

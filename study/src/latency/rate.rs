@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::{Effort, Proceed, Way, own};
-use crate::command::Failure;
+use crate::failure::Failure;
 
 /// What became of one rate.
 #[derive(Clone, Debug, Serialize)]

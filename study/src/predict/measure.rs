@@ -5,7 +5,7 @@ use std::time::Duration;
 use mtj_model::scenario::{Override, Scenario, duration};
 use mtj_plant::trace::Row;
 
-use crate::{command::Failure, experiment};
+use crate::{experiment, failure::Failure};
 
 /// How far apart two runs begin, rad: small against every error, large against rounding.
 const DISTURBANCE: f64 = 1e-7;

@@ -11,7 +11,7 @@ pub mod path;
 
 use mtj_model::scenario::{LawKind, Override, Scenario};
 
-use crate::{command::Failure, sweep::plan::Plan};
+use crate::{failure::Failure, sweep::plan::Plan};
 use linear::LinearLoop;
 use path::Masses;
 

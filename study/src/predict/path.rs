@@ -3,7 +3,7 @@
 use mtj_model::{PLANE, for_links, scenario::Scenario};
 use nalgebra::{SMatrix, SVector};
 
-use crate::{command::Failure, experiment};
+use crate::{experiment, failure::Failure};
 
 /// The smallest and the largest effective mass, kg.
 #[derive(Clone, Copy, Debug, PartialEq)]

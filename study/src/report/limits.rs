@@ -10,7 +10,7 @@ use std::{
 };
 
 use super::{cells, layout::Layout};
-use crate::{command::Failure, predict, sweep::plan::Plan};
+use crate::{failure::Failure, predict, sweep::plan::Plan};
 
 /// For each panel and position on the horizontal axis the limit, s; `None` where the loop is not
 /// stable even without latency, or where the limit lies well above the map.

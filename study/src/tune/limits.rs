@@ -5,7 +5,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::{MARGIN, Memory, Values, Wanted, trial, verify};
 use crate::{
-    command::Failure,
+    failure::Failure,
     predict::{TRUST, linear::LinearLoop, path},
 };
 

@@ -13,7 +13,7 @@ use mtj_model::scenario::{MemoryPolicy, Override, Scenario, duration};
 use serde::Serialize;
 use std::time::Duration;
 
-use crate::command::Failure;
+use crate::failure::Failure;
 use limits::Arm;
 use verify::Verification;
 

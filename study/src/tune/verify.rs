@@ -5,7 +5,7 @@ use mtj_plant::trace::Row;
 use serde::Serialize;
 
 use super::Wanted;
-use crate::{command::Failure, experiment};
+use crate::{experiment, failure::Failure};
 
 /// The measures of one simulation.
 #[derive(Clone, Debug, PartialEq, Serialize)]

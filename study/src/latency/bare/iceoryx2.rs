@@ -11,7 +11,7 @@ use mtj_plant::durations::Durations;
 use mtj_protocol::sample::{StateSample, TorqueSample};
 
 use super::{WARM_UP, Way};
-use crate::command::Failure;
+use crate::failure::Failure;
 
 /// How long to wait for an answer before the other process counts as gone.
 const GONE: Duration = Duration::from_secs(5);

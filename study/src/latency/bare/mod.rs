@@ -16,7 +16,7 @@ use mtj_model::scenario::{BusKind, Wait};
 use mtj_plant::durations::Durations;
 
 use super::{Effort, Way, free_endpoint};
-use crate::command::Failure;
+use crate::failure::Failure;
 
 /// Round trips are counted from here on: the first ones find everything cold.
 const WARM_UP: u64 = 1000;

@@ -18,7 +18,7 @@ use zenoh::{
 };
 
 use super::WARM_UP;
-use crate::command::Failure;
+use crate::failure::Failure;
 
 const THERE: &str = "mtj-bare/there";
 const BACK: &str = "mtj-bare/back";
