@@ -16,7 +16,7 @@ use mtj_protocol::{
     bus::Bus,
     member::{Member, Role},
     port::{ControllerPort, Heard, fetch_scenario},
-    sample::TorqueSample,
+    sample::{StateSample, TorqueSample},
 };
 use nix::sys::signal::Signal;
 use serde_json::Value;
@@ -60,8 +60,9 @@ fn assert_within_limits(session: &Session) {
 struct Outage {
     /// Last command's sampling instant to the first that found the arm safe, ns.
     until_safe_ns: u64,
-    /// The regulating factor of the first command after it.
-    first_factor: [f64; 2],
+    /// The regulating factor of the first command after it; None if nobody heard what the law said of that one:
+    /// what somebody says who has just come may be lost on its way to a monitor.
+    first_factor: Option<[f64; 2]>,
     /// The largest one of the two hundred after that.
     later_factor: f64,
 }
@@ -91,28 +92,43 @@ fn live_through(observer: &mut Observer, end: impl FnOnce()) -> Outage {
     observer.until("two hundred more", |observer| {
         (observer.errors.range(key..).count() > 200).then_some(())
     });
+    let is_on =
+        |state: &&StateSample| state.timed_out == 0 && state.header.sequence > safe.header.sequence;
+    let first_on = observer.states.iter().filter(is_on).map(|state| state.header.sequence).min();
+    let is_first = Some(resumed.header.sequence) < first_on;
     Outage {
         until_safe_ns: safe.header.time_ns - before,
-        first_factor: [resumed.factor[0], resumed.factor[1]],
+        first_factor: is_first.then_some([resumed.factor[0], resumed.factor[1]]),
         later_factor: observer.errors.range(key..).map(|x| x.1.factor[0]).fold(0.0, f64::max),
     }
 }
 
 impl Outage {
-    fn assert_safe_in_time_and_resumed_afresh(&self) {
+    /// Returns whether all of it was seen.
+    fn assert_safe_in_time_and_resumed_afresh(&self) -> bool {
         // The timeout counts from when the last command was applied, and states tell of it at the next
         // sampling instant.
         let most = TIMEOUT_NS + 3 * SAMPLE_PERIOD_NS;
         assert!(self.until_safe_ns >= TIMEOUT_NS, "{} ns: too early", self.until_safe_ns);
         assert!(self.until_safe_ns <= most, "{} ns until the arm was safe", self.until_safe_ns);
-        assert_eq!(self.first_factor, [0.0; 2], "nothing is remembered from before");
-        assert!(self.later_factor > 0.5, "and then the memory counts again");
+        assert!(self.later_factor > 0.5, "and the memory counts again");
+        let first = self.first_factor.inspect(|first| {
+            assert_eq!(*first, [0.0; 2], "nothing is remembered from before");
+        });
+        first.is_some()
+    }
+}
+
+/// Tries again what was not seen as a whole.
+fn until_seen(mut attempt: impl FnMut(&str) -> bool) {
+    for bus in ["iceoryx2", "zenoh"] {
+        assert!((0..5).any(|_| attempt(bus)), "{bus}: the first command afresh was never heard of");
     }
 }
 
 #[test]
 fn a_controller_that_is_killed_leaves_a_safe_arm_and_its_successor_starts_afresh() {
-    for bus in ["iceoryx2", "zenoh"] {
+    until_seen(|bus| {
         let session = Session::on(bus);
         let controller = session.start("controller");
         let mut plant = plant(&session, "6s");
@@ -121,17 +137,18 @@ fn a_controller_that_is_killed_leaves_a_safe_arm_and_its_successor_starts_afresh
         controller.signal(Signal::SIGKILL);
         let mut successor = None;
         let outage = live_through(&mut observer, || successor = Some(session.start("controller")));
-        outage.assert_safe_in_time_and_resumed_afresh();
+        let is_seen = outage.assert_safe_in_time_and_resumed_afresh();
         let report = report_of(&mut plant);
         assert_eq!((&report["timeouts"], &report["takeovers"]), (&1.into(), &1.into()), "{report}");
         assert_eq!(report["diverged"], false);
         assert_within_limits(&session);
-    }
+        is_seen
+    });
 }
 
 #[test]
 fn a_controller_that_is_stopped_goes_on_afresh() {
-    for bus in ["iceoryx2", "zenoh"] {
+    until_seen(|bus| {
         let session = Session::on(bus);
         let controller = session.start("controller");
         let mut plant = plant(&session, "6s");
@@ -142,11 +159,12 @@ fn a_controller_that_is_stopped_goes_on_afresh() {
             thread::sleep(Duration::from_millis(300));
             controller.signal(Signal::SIGCONT);
         });
-        outage.assert_safe_in_time_and_resumed_afresh();
+        let is_seen = outage.assert_safe_in_time_and_resumed_afresh();
         let report = report_of(&mut plant);
         assert_eq!((&report["timeouts"], &report["takeovers"]), (&1.into(), &0.into()), "{report}");
         assert_within_limits(&session);
-    }
+        is_seen
+    });
 }
 
 #[test]
