@@ -3,16 +3,15 @@
 use std::fmt;
 
 use mtj_model::{
-    PLANE,
     arm::Posture,
     for_links,
-    scenario::{FactorKind, FactorSettings, Horizon, LawKind, LawSettings, Scenario},
+    scenario::{Horizon, LawKind, LawSettings, Scenario},
 };
 use mtj_protocol::sample::{ErrorSample, StateSample, TorqueSample, padded};
 use nalgebra::SVector;
 
 use crate::{
-    law::{Factor, ModelBased, ModifiedTransposeJacobian, TransposeJacobian},
+    law::Factor,
     memory::Memory,
     prediction::{self, Tip},
     responder::{Law, Recollection, Responder, is_singular},
@@ -136,7 +135,7 @@ impl<const N: usize> ArmController<N> {
             responder: Responder {
                 arm: scenario.arm.scaled(settings.mass_scale).build(),
                 trajectory: scenario.trajectory,
-                law: Law::new(settings),
+                law: law_of(settings),
             },
             memory: has_memory.then(|| memory.unwrap_or_else(|| Memory::new(&settings.memory))),
             horizon: settings.prediction,
@@ -148,26 +147,6 @@ impl<const N: usize> ArmController<N> {
         self.previous = Tip::unknown();
         if let Some(memory) = &mut self.memory {
             memory.forget();
-        }
-    }
-}
-
-impl Law<f64> {
-    /// The law that the settings describe.
-    pub fn new(settings: &LawSettings) -> Self {
-        let (kp, kd) = (settings.kp, settings.kd);
-        let tj = TransposeJacobian { kp, kd };
-        match settings.kind {
-            LawKind::Tj => Self::Tj(tj),
-            LawKind::Mtj => Self::Mtj {
-                law: ModifiedTransposeJacobian {
-                    tj,
-                    factor: factor(&settings.factor),
-                    ceiling: settings.factor.ceiling,
-                },
-                acceleration: settings.acceleration,
-            },
-            LawKind::Mb => Self::Mb(ModelBased { kp, kd }),
         }
     }
 }
@@ -232,13 +211,8 @@ impl<const N: usize> Respond for ArmController<N> {
     }
 }
 
-fn factor(settings: &FactorSettings) -> Factor<f64, PLANE> {
-    let (error, error_rate) = (settings.error[0], settings.error_rate[0]);
-    match settings.kind {
-        FactorKind::Switch => Factor::Switch { error, error_rate },
-        FactorKind::Exponential => Factor::Exponential { error, error_rate },
-        FactorKind::Diagonal => {
-            Factor::Diagonal { error: settings.error, error_rate: settings.error_rate }
-        }
-    }
+fn law_of(settings: &LawSettings) -> Law<f64> {
+    let LawSettings { kind, kp, kd, factor, acceleration, .. } = settings;
+    let of_error = Factor::new(factor.kind, factor.error, factor.error_rate);
+    Law::new(*kind, *kp, *kd, of_error, factor.ceiling, *acceleration)
 }

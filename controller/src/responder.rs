@@ -3,8 +3,10 @@
 use mtj_model::{
     PLANE,
     arm::{PlanarArm, Pose, Posture},
+    gains::Gains,
     matrix,
     scalar::Scalar,
+    scenario::LawKind,
     task::TaskDynamics,
     trajectory::{Motion, Trajectory},
 };
@@ -12,7 +14,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::{
     law::{
-        ModelBased, ModifiedTransposeJacobian, Regulation, Remembered, TrackingError,
+        Factor, ModelBased, ModifiedTransposeJacobian, Regulation, Remembered, TrackingError,
         TransposeJacobian,
     },
     prediction::Tip,
@@ -44,6 +46,27 @@ pub enum Law<T> {
     },
     /// Model-based.
     Mb(ModelBased<T, PLANE>),
+}
+
+impl<T> Law<T> {
+    /// The law of a kind, from its parts; those it has no use for are let go.
+    pub fn new(
+        kind: LawKind,
+        kp: Gains<T, PLANE>,
+        kd: Gains<T, PLANE>,
+        factor: Factor<T, PLANE>,
+        ceiling: T,
+        acceleration: bool,
+    ) -> Self {
+        let tj = TransposeJacobian { kp, kd };
+        match kind {
+            LawKind::Tj => Self::Tj(tj),
+            LawKind::Mtj => {
+                Self::Mtj { law: ModifiedTransposeJacobian { tj, factor, ceiling }, acceleration }
+            }
+            LawKind::Mb => Self::Mb(ModelBased { kp: tj.kp, kd: tj.kd }),
+        }
+    }
 }
 
 /// What is remembered, or comes with a sample.

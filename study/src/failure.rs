@@ -71,15 +71,6 @@ impl From<LaunchError> for Failure {
     }
 }
 
-impl From<crate::bench::sweep::Failure> for Failure {
-    fn from(failure: crate::bench::sweep::Failure) -> Self {
-        match failure {
-            crate::bench::sweep::Failure::Plan(error) => error.into(),
-            crate::bench::sweep::Failure::Print(error) => error.into(),
-        }
-    }
-}
-
 impl From<String> for Failure {
     fn from(sentence: String) -> Self {
         Self::new(sentence, false)

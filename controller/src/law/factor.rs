@@ -1,6 +1,6 @@
 //! The regulating factor k: how much of the memory to trust.
 
-use mtj_model::{matrix, scalar::Scalar};
+use mtj_model::{matrix, scalar::Scalar, scenario::FactorKind};
 use nalgebra::SVector;
 
 use super::TrackingError;
@@ -45,6 +45,16 @@ pub enum Regulation<T, const M: usize> {
 }
 
 impl<T: Scalar, const M: usize> Factor<T, M> {
+    /// The factor of a kind, with thresholds for each axis; where one will do, it is the first.
+    pub fn new(kind: FactorKind, error: SVector<T, M>, error_rate: SVector<T, M>) -> Self {
+        let (first, first_rate) = (error[0], error_rate[0]);
+        match kind {
+            FactorKind::Switch => Self::Switch { error: first, error_rate: first_rate },
+            FactorKind::Exponential => Self::Exponential { error: first, error_rate: first_rate },
+            FactorKind::Diagonal => Self::Diagonal { error, error_rate },
+        }
+    }
+
     /// k for a tracking error.
     #[inline(always)]
     pub fn regulate(&self, e: &TrackingError<T, M>) -> Regulation<T, M> {

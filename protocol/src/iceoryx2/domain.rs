@@ -151,15 +151,22 @@ impl Domain {
         }
     }
 
-    /// Makes something inside that may be missing.
-    pub fn try_make<T>(
+    /// Takes something down and makes something else in its place, which may fail, unless somebody is inside just
+    /// now; returns whether it was done. For those who have no time to wait.
+    pub fn replace<T>(
         self: &Arc<Self>,
+        thing: &mut Option<Indoors<T>>,
         attempt: impl FnOnce() -> Option<T>,
-    ) -> Result<Option<Indoors<T>>, BusError> {
-        let inside = self.enter()?;
+    ) -> bool {
+        if self.door.try_lock().is_err() {
+            return false;
+        }
         let made = attempt();
-        drop(inside);
-        Ok(made.map(|made| self.keep(made)))
+        // Who is inside already enters at once, and leaves when that is taken down.
+        *thing = None;
+        drop(Inside(self));
+        *thing = made.map(|made| self.keep(made));
+        true
     }
 
     fn keep<T>(self: &Arc<Self>, thing: T) -> Indoors<T> {

@@ -392,19 +392,20 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
 
     fn follow(&mut self) -> Result<(), BusError> {
         // What came by the lane leaves nothing to be done.
-        let Some((writer, known)) = self.last.take() else { return Ok(()) };
+        let Some((writer, known)) = self.last else { return Ok(()) };
         if self.followed == Some(writer) {
             return Ok(());
         }
-        self.followed = Some(writer);
-        self.lane = None;
         let place = &self.place;
         let open = || {
             let name = place.lane_name::<S>(writer)?;
             LaneReader::open(&place.node, &name, &known)
         };
-        // A writer that has none, or has gone, is heard through the stream.
-        self.lane = place.domain.try_make(|| open().ok())?;
+        // A writer that has none, or has gone, is heard through the stream; so is one for as long as somebody else
+        // is at the door.
+        if place.domain.replace(&mut self.lane, || open().ok()) {
+            self.followed = Some(writer);
+        }
         Ok(())
     }
 

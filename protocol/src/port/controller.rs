@@ -1,9 +1,6 @@
 //! A controller's end of the bus.
 
-use std::{
-    mem,
-    time::{Duration, Instant},
-};
+use std::time::{Duration, Instant};
 
 use mtj_model::scenario::Wait;
 
@@ -41,9 +38,8 @@ pub struct ControllerPort {
     errors: Box<dyn Writer<ErrorSample>>,
     presence: Presence,
     newest: Option<Header>,
-    /// When a state of our run came last, unless one has come since.
+    /// When a state of our run was dealt with last.
     heard: Instant,
-    has_heard: bool,
     scenario: Follower,
     wait: Wait,
     gate: Gate,
@@ -67,7 +63,6 @@ impl ControllerPort {
             presence: Presence::open(bus, member)?,
             newest: None,
             heard: Instant::now(),
-            has_heard: false,
             wait,
             gate: Gate::new(offered.run).for_arm(offered.scenario.arm.links.len()),
             stale: 0,
@@ -79,7 +74,6 @@ impl ControllerPort {
 
     /// The newest acceptable state, waiting for one until `until`.
     pub fn receive(&mut self, until: Instant) -> Result<Option<Heard>, BusError> {
-        self.note_when_heard();
         while let Some(state) = bus::receive(&mut *self.states, self.wait, until)? {
             let mut heard = self.judge(state);
             // At most as many as can wait: whoever writes faster must not hold us for ever.
@@ -109,26 +103,15 @@ impl ControllerPort {
         Ok(None)
     }
 
-    /// Off the critical path, because to read a clock takes a good part of what a law takes.
-    fn note_when_heard(&mut self) {
-        if mem::take(&mut self.has_heard) {
-            self.heard = Instant::now();
-        }
-    }
-
     fn judge(&mut self, state: StateSample) -> Option<Heard> {
         match self.gate.judge(&state) {
             Verdict::Fresh => {
                 self.newest = Some(state.header);
-                self.has_heard = true;
                 self.stale = 0;
                 Some(Heard::State(state))
             }
-            Verdict::Repeated => {
-                (self.heard, self.has_heard) = (Instant::now(), false);
-                Some(Heard::Again(state))
-            }
-            Verdict::Refused(Fault::Run) if !self.has_heard && self.heard.elapsed() > QUIET => {
+            Verdict::Repeated => Some(Heard::Again(state)),
+            Verdict::Refused(Fault::Run) if self.heard.elapsed() > QUIET => {
                 Some(Heard::OtherRun(state))
             }
             Verdict::Refused(fault) => {
@@ -167,7 +150,8 @@ impl ControllerPort {
     /// Tells everybody what we sent, and that we are there. Off the critical path too; to be called after
     /// each state.
     pub fn tell(&mut self, state: &StateSample) -> Result<(), BusError> {
-        self.note_when_heard();
+        // Here rather than where it was heard: to read a clock takes a good part of what a law takes.
+        self.heard = Instant::now();
         self.torques.settle()?;
         self.states.follow()?;
         self.presence.tell(&state.header)

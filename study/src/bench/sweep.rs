@@ -3,9 +3,12 @@
 
 use std::{fs, io, thread, time::Instant};
 
-use mtj_model::scenario::{Override, ScenarioError};
+use mtj_model::scenario::Override;
 
-use crate::sweep::{plan::Plan, results::Measured, runner};
+use crate::{
+    failure::Failure,
+    sweep::{plan::Plan, results::Measured, runner},
+};
 
 /// What to measure.
 #[derive(Clone, Copy, Debug)]
@@ -180,27 +183,6 @@ pub fn sweep(
         settings.checks
     )?;
     Ok(())
-}
-
-/// Why nothing was measured.
-#[derive(Debug)]
-pub enum Failure {
-    /// A plan of ours is not acceptable.
-    Plan(ScenarioError),
-    /// What was measured could not be printed.
-    Print(io::Error),
-}
-
-impl From<ScenarioError> for Failure {
-    fn from(error: ScenarioError) -> Self {
-        Self::Plan(error)
-    }
-}
-
-impl From<io::Error> for Failure {
-    fn from(error: io::Error) -> Self {
-        Self::Print(error)
-    }
 }
 
 /// One thread, and as many as there may be.

@@ -43,7 +43,7 @@ impl Bench {
                 let threads = threads.map_or_else(cores, NonZero::get);
                 let settings = sweep::Settings { runs: runs.get(), threads, checks };
                 let shutdown = Shutdown::on_signals();
-                Ok(sweep::sweep(&settings, &mut io::stdout().lock(), &move || shutdown.proceed())?)
+                sweep::sweep(&settings, &mut io::stdout().lock(), &move || shutdown.proceed())
             }
         }
     }

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use iceoryx2::{
     port::{listener::Listener, notifier::Notifier, publisher::Publisher, subscriber::Subscriber},
     prelude::*,
+    service::port_factory::{event, publish_subscribe},
 };
 use mtj_model::scenario::Wait;
 use mtj_plant::durations::Durations;
@@ -89,8 +90,25 @@ struct Receiver<S: std::fmt::Debug + ZeroCopySend + Copy + 'static> {
     listener: Option<Listener<ipc::Service>>,
 }
 
-fn name(place: &str, topic: &str) -> Result<ServiceName, Failure> {
-    ServiceName::new(&format!("mtj-bare/{place}/{topic}")).map_err(failure)
+type Samples<S> = publish_subscribe::PortFactory<ipc::Service, S, ()>;
+type Events = event::PortFactory<ipc::Service>;
+
+/// A topic, and its event where the ends do not spin.
+fn services<S: std::fmt::Debug + ZeroCopySend + Copy + 'static>(
+    node: &Node<ipc::Service>,
+    place: &str,
+    topic: &str,
+    wait: Wait,
+) -> Result<(Samples<S>, Option<Events>), Failure> {
+    let name = ServiceName::new(&format!("mtj-bare/{place}/{topic}")).map_err(failure)?;
+    let samples = node.service_builder(&name).publish_subscribe::<S>().open_or_create();
+    let events = match wait {
+        Wait::Spin => None,
+        Wait::Block | Wait::Hybrid(_) => {
+            Some(node.service_builder(&name).event().open_or_create().map_err(failure)?)
+        }
+    };
+    Ok((samples.map_err(failure)?, events))
 }
 
 impl<S: std::fmt::Debug + ZeroCopySend + Copy + 'static> Sender<S> {
@@ -100,17 +118,10 @@ impl<S: std::fmt::Debug + ZeroCopySend + Copy + 'static> Sender<S> {
         topic: &str,
         wait: Wait,
     ) -> Result<Self, Failure> {
-        let name = name(place, topic)?;
-        let service = node.service_builder(&name).publish_subscribe::<S>();
-        let service = service.open_or_create().map_err(failure)?;
-        let publisher = service.publisher_builder().create().map_err(failure)?;
-        let notifier = match wait {
-            Wait::Spin => None,
-            Wait::Block | Wait::Hybrid(_) => {
-                let event = node.service_builder(&name).event().open_or_create();
-                Some(event.map_err(failure)?.notifier_builder().create().map_err(failure)?)
-            }
-        };
+        let (samples, events) = services::<S>(node, place, topic, wait)?;
+        let publisher = samples.publisher_builder().create().map_err(failure)?;
+        let notifier = events.map(|events| events.notifier_builder().create()).transpose();
+        let notifier = notifier.map_err(failure)?;
         Ok(Self { publisher, notifier })
     }
 
@@ -130,17 +141,10 @@ impl<S: std::fmt::Debug + ZeroCopySend + Copy + 'static> Receiver<S> {
         topic: &str,
         wait: Wait,
     ) -> Result<Self, Failure> {
-        let name = name(place, topic)?;
-        let service = node.service_builder(&name).publish_subscribe::<S>();
-        let service = service.open_or_create().map_err(failure)?;
-        let subscriber = service.subscriber_builder().create().map_err(failure)?;
-        let listener = match wait {
-            Wait::Spin => None,
-            Wait::Block | Wait::Hybrid(_) => {
-                let event = node.service_builder(&name).event().open_or_create();
-                Some(event.map_err(failure)?.listener_builder().create().map_err(failure)?)
-            }
-        };
+        let (samples, events) = services::<S>(node, place, topic, wait)?;
+        let subscriber = samples.subscriber_builder().create().map_err(failure)?;
+        let listener = events.map(|events| events.listener_builder().create()).transpose();
+        let listener = listener.map_err(failure)?;
         Ok(Self { subscriber, listener })
     }
 

@@ -1,7 +1,7 @@
 //! Scenarios of one structure as one arm, one trajectory and one law, whose numbers have lanes.
 
 use mtj_controller::{
-    law::{Factor, ModelBased, ModifiedTransposeJacobian, TransposeJacobian},
+    law::Factor,
     responder::{Law, Responder},
 };
 use mtj_model::{
@@ -9,7 +9,7 @@ use mtj_model::{
     arm::{Link, PlanarArm},
     gains::Gains,
     lanes::Lanes,
-    scenario::{FactorKind, LawKind, Scenario},
+    scenario::Scenario,
     trajectory::{Circle, PointToPoint, Ripple, Trajectory},
 };
 use nalgebra::{SMatrix, SVector, Vector2};
@@ -95,20 +95,16 @@ impl Uniform<'_, '_> {
 
     fn law<T: Lanes>(&self) -> Law<T> {
         let law = &self.0[0].law;
-        let (kp, kd) = (self.gains(|s| &s.law.kp), self.gains(|s| &s.law.kd));
-        let tj = TransposeJacobian { kp, kd };
-        match law.kind {
-            LawKind::Tj => Law::Tj(tj),
-            LawKind::Mtj => Law::Mtj {
-                law: ModifiedTransposeJacobian {
-                    tj,
-                    factor: self.factor(law.factor.kind),
-                    ceiling: self.each(|s| s.law.factor.ceiling),
-                },
-                acceleration: law.acceleration,
-            },
-            LawKind::Mb => Law::Mb(ModelBased { kp, kd }),
-        }
+        let error = SVector::from_fn(|i, _| self.each(|s| s.law.factor.error[i]));
+        let error_rate = SVector::from_fn(|i, _| self.each(|s| s.law.factor.error_rate[i]));
+        Law::new(
+            law.kind,
+            self.gains(|s| &s.law.kp),
+            self.gains(|s| &s.law.kd),
+            Factor::new(law.factor.kind, error, error_rate),
+            self.each(|s| s.law.factor.ceiling),
+            law.acceleration,
+        )
     }
 
     fn gains<T: Lanes>(&self, of: fn(&Scenario) -> &Gains<f64, PLANE>) -> Gains<T, PLANE> {
@@ -119,18 +115,6 @@ impl Uniform<'_, '_> {
             Gains::Full(_) => {
                 Gains::Full(SMatrix::from_fn(|i, j| self.each(|s| of(s).matrix()[(i, j)])))
             }
-        }
-    }
-
-    fn factor<T: Lanes>(&self, kind: FactorKind) -> Factor<T, PLANE> {
-        let error = SVector::from_fn(|i, _| self.each(|s| s.law.factor.error[i]));
-        let error_rate = SVector::from_fn(|i, _| self.each(|s| s.law.factor.error_rate[i]));
-        match kind {
-            FactorKind::Switch => Factor::Switch { error: error[0], error_rate: error_rate[0] },
-            FactorKind::Exponential => {
-                Factor::Exponential { error: error[0], error_rate: error_rate[0] }
-            }
-            FactorKind::Diagonal => Factor::Diagonal { error, error_rate },
         }
     }
 }
