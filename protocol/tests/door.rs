@@ -59,6 +59,6 @@ fn a_loop_hears_a_new_writer_though_somebody_holds_the_door() {
         reader.follow().unwrap();
     }
     writer.expedite(&state(3)).unwrap();
-    assert_eq!(next(&mut *reader), Some(3), "by the lane");
+    assert_eq!(next(&mut *reader), Some(3), "by the slot");
     assert_eq!(reader.take().unwrap(), None, "once");
 }

@@ -1,15 +1,15 @@
 //! The bus over iceoryx2: zero-copy shared memory between the processes of one machine.
 //!
 //! Each topic is a publish-subscribe service `mtj/<session>/<topic>`, through which everybody gets every sample.
-//! Beside it each writer of what closes the loop has a lane, from which those who follow it get the newest
+//! Beside it each writer of what closes the loop has a slot, from which those who follow it get the newest
 //! sample sooner. Readers that block have a listener, and writers notify only while there is one, so a spinning
 //! loop makes no system calls. The scenario is a service of bytes with a history of one.
 
 mod domain;
-mod lane;
 mod members;
 mod refusal;
 mod scarcity;
+mod slot;
 mod sweep;
 
 use std::{
@@ -36,10 +36,10 @@ use nix::poll::{PollFd, PollFlags, ppoll};
 
 use self::{
     domain::{Broom, Domain, Indoors},
-    lane::{LaneReader, LaneWriter},
     members::Members,
     refusal::Trouble,
     scarcity::failure,
+    slot::{SlotReader, SlotWriter},
 };
 use crate::{
     bus::{
@@ -148,7 +148,7 @@ impl Place {
             .open_or_create()?)
     }
 
-    fn lane_name<S: Sample>(&self, publisher: UniquePublisherId) -> Result<ServiceName, Trouble> {
+    fn slot_name<S: Sample>(&self, publisher: UniquePublisherId) -> Result<ServiceName, Trouble> {
         self.name(&format!("{}/{}", S::TOPIC, publisher.value()))
     }
 
@@ -170,13 +170,13 @@ impl Place {
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()?;
         self.domain.reserve(publisher.id().value(), MAX_READERS)?;
-        let lane = match S::CLOSES_THE_LOOP {
-            true => Some(LaneWriter::create(&self.node, &self.lane_name::<S>(publisher.id())?)?),
+        let slot = match S::CLOSES_THE_LOOP {
+            true => Some(SlotWriter::create(&self.node, &self.slot_name::<S>(publisher.id())?)?),
             false => None,
         };
         let event = self.event_service(S::TOPIC)?;
         let notifier = event.notifier_builder().create()?;
-        Ok(WriteEnd { publisher, lane, notifier, event })
+        Ok(WriteEnd { publisher, slot, notifier, event })
     }
 
     fn read_end<S: Sample>(&self, buffer: usize, listens: bool) -> Result<ReadEnd<S>, Trouble> {
@@ -212,7 +212,7 @@ impl Bus for Iceoryx2Bus {
             end: self.place.make(S::TOPIC, || self.place.read_end::<S>(buffer, listens))?,
             last: None,
             followed: None,
-            lane: None,
+            slot: None,
             spins: 0,
             place: Rc::clone(&self.place),
         }))
@@ -264,7 +264,7 @@ impl Shared for Iceoryx2Bus {
 
 struct WriteEnd<S: Sample> {
     publisher: Publisher<ipc::Service, S, ()>,
-    lane: Option<LaneWriter<S>>,
+    slot: Option<SlotWriter<S>>,
     notifier: Notifier<ipc::Service>,
     event: event::PortFactory<ipc::Service>,
 }
@@ -296,8 +296,8 @@ impl<S: Sample> WriteEnd<S> {
 impl<S: Sample> Writer<S> for Iceoryx2Writer<S> {
     fn write(&mut self, sample: &S) -> Result<(), BusError> {
         self.settle()?;
-        if let Some(lane) = &self.end.lane {
-            lane.write(sample);
+        if let Some(slot) = &self.end.slot {
+            slot.write(sample);
         }
         self.end.publish(sample)?;
         self.end.wake();
@@ -305,9 +305,9 @@ impl<S: Sample> Writer<S> for Iceoryx2Writer<S> {
     }
 
     fn expedite(&mut self, sample: &S) -> Result<(), BusError> {
-        match &self.end.lane {
+        match &self.end.slot {
             // Whoever sleeps may not follow us yet, and is woken but once.
-            Some(lane) if !self.end.has_sleepers() => lane.write(sample),
+            Some(slot) if !self.end.has_sleepers() => slot.write(sample),
             _ => return self.write(sample),
         }
         self.settle()?;
@@ -334,19 +334,19 @@ struct Iceoryx2Reader<S: Sample> {
     last: Option<(UniquePublisherId, Header)>,
     followed: Option<UniquePublisherId>,
     /// Of the writer that is followed, if it has one.
-    lane: Option<Indoors<LaneReader<S>>>,
+    slot: Option<Indoors<SlotReader<S>>>,
     spins: u32,
     place: Rc<Place>,
 }
 
 impl<S: Sample> Iceoryx2Reader<S> {
-    /// The next sample of the stream that did not come by the lane.
+    /// The next sample of the stream that did not come by the slot.
     fn take_from_stream(&mut self) -> Result<Option<S>, BusError> {
         for _ in 0..RECENT_DEPTH {
             let found = self.end.subscriber.receive().map_err(failure(S::TOPIC))?;
             let Some(sample) = found else { break };
             let writer = sample.header().publisher_id();
-            if self.lane.is_none() || self.followed != Some(writer) {
+            if self.slot.is_none() || self.followed != Some(writer) {
                 self.last = Some((writer, *sample.payload().header()));
                 return Ok(Some(*sample.payload()));
             }
@@ -357,7 +357,7 @@ impl<S: Sample> Iceoryx2Reader<S> {
 
 impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
     fn take(&mut self) -> Result<Option<S>, BusError> {
-        if let Some(sample) = self.lane.as_mut().and_then(|lane| lane.take()) {
+        if let Some(sample) = self.slot.as_mut().and_then(|slot| slot.take()) {
             self.last = None;
             return Ok(Some(sample));
         }
@@ -365,9 +365,9 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
     }
 
     fn spin(&mut self) -> Result<Option<S>, BusError> {
-        let Some(lane) = &self.lane else { return self.take() };
+        let Some(slot) = &self.slot else { return self.take() };
         for _ in 0..LOOKS {
-            if lane.has_news() {
+            if slot.has_news() {
                 return self.take();
             }
             std::hint::spin_loop();
@@ -391,31 +391,31 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
     }
 
     fn follow(&mut self) -> Result<(), BusError> {
-        // What came by the lane leaves nothing to be done.
+        // What came by the slot leaves nothing to be done.
         let Some((writer, known)) = self.last else { return Ok(()) };
         if self.followed == Some(writer) {
             return Ok(());
         }
         let place = &self.place;
         let open = || {
-            let name = place.lane_name::<S>(writer)?;
-            LaneReader::open(&place.node, &name, &known)
+            let name = place.slot_name::<S>(writer)?;
+            SlotReader::open(&place.node, &name, &known)
         };
         // A writer that has none, or has gone, is heard through the stream; so is one for as long as somebody else
         // is at the door.
-        if place.domain.replace(&mut self.lane, || open().ok()) {
+        if place.domain.replace(&mut self.slot, || open().ok()) {
             self.followed = Some(writer);
         }
         Ok(())
     }
 
     fn follows(&self) -> bool {
-        self.lane.is_some()
+        self.slot.is_some()
     }
 
     fn has_more(&self) -> bool {
-        match &self.lane {
-            Some(lane) => lane.has_news(),
+        match &self.slot {
+            Some(slot) => slot.has_news(),
             None => self.end.subscriber.has_samples().unwrap_or(false),
         }
     }

@@ -1,8 +1,8 @@
-//! A lane: the newest value of one writer, on iceoryx2's blackboard.
+//! A slot: the newest value of one writer, on iceoryx2's blackboard.
 //!
 //! A blackboard's entry has one writer, and one that is killed leaves it locked for as long as anybody has the
-//! service open (iceoryx2 #2008). So a lane belongs to one incarnation of a writer and is named by the number of
-//! its publisher, which no other ever has; who follows another writer opens another lane.
+//! service open (iceoryx2 #2008). So a slot belongs to one incarnation of a writer and is named by the number of
+//! its publisher, which no other ever has; who follows another writer opens another slot.
 
 use iceoryx2::{
     port::{
@@ -15,14 +15,14 @@ use iceoryx2::{
 use super::{MAX_NODES, MAX_READERS, refusal::Trouble};
 use crate::sample::{Header, Sample};
 
-/// A lane has one entry.
+/// A slot has one entry.
 const ENTRY: u8 = 0;
 
 /// The writing end.
-pub struct LaneWriter<S: Sample>(EntryHandleMut<ipc::Service, u8, S>);
+pub struct SlotWriter<S: Sample>(EntryHandleMut<ipc::Service, u8, S>);
 
-impl<S: Sample> LaneWriter<S> {
-    /// Makes the lane of this name. Only inside.
+impl<S: Sample> SlotWriter<S> {
+    /// Makes the slot of this name. Only inside.
     pub fn create(node: &Node<ipc::Service>, name: &ServiceName) -> Result<Self, Trouble> {
         let service = node
             .service_builder(name)
@@ -41,7 +41,7 @@ impl<S: Sample> LaneWriter<S> {
 }
 
 /// The reading end.
-pub struct LaneReader<S: Sample> {
+pub struct SlotReader<S: Sample> {
     entry: EntryHandle<ipc::Service, u8, S>,
     /// What was read last.
     last: BlackboardValue<S>,
@@ -49,8 +49,8 @@ pub struct LaneReader<S: Sample> {
     is_fresh: bool,
 }
 
-impl<S: Sample> LaneReader<S> {
-    /// Opens the lane of this name, whose writer's sample `known` was had from elsewhere. Only inside.
+impl<S: Sample> SlotReader<S> {
+    /// Opens the slot of this name, whose writer's sample `known` was had from elsewhere. Only inside.
     pub fn open(
         node: &Node<ipc::Service>,
         name: &ServiceName,
