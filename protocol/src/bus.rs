@@ -31,6 +31,8 @@ pub trait Bus {
 pub trait Attendance {
     /// All who have announced themselves and live, as far as the bus knows. May take a fraction of a millisecond.
     fn present(&mut self) -> Result<Vec<Member>, BusError>;
+    /// Whether one that was present still is. Takes some microseconds at most.
+    fn is_present(&mut self, member: &Member) -> Result<bool, BusError>;
 }
 
 /// A bus that many sessions share.

@@ -78,6 +78,10 @@ impl Attendance for LocalBus {
     fn present(&mut self) -> Result<Vec<Member>, BusError> {
         Ok(lock(&self.shared.members).clone())
     }
+
+    fn is_present(&mut self, member: &Member) -> Result<bool, BusError> {
+        Ok(lock(&self.shared.members).contains(member))
+    }
 }
 
 struct Announcement {

@@ -2,7 +2,7 @@
 //!
 //! What the system refuses is said and gone without: a loop is only less punctual for it.
 
-use std::io;
+use std::{fs, io};
 
 use clap::Args;
 use nix::{
@@ -29,8 +29,18 @@ pub struct RealtimeOptions {
 }
 
 impl RealtimeOptions {
-    /// To be called before a role joins its bus: threads that the bus makes are to have the priority, too.
+    /// To be called before a role joins its bus.
     pub fn before_joining(&self) {
+        if self.lock_memory {
+            fault_in_stack();
+            // Populates all that is mapped: the program, its heap, its stack.
+            lock(MlockAllFlags::MCL_CURRENT);
+        }
+    }
+
+    /// To be called when a role has joined, before its loop begins: to join takes some ten milliseconds, for which
+    /// nobody's loop is to wait.
+    pub fn before_the_loop(&self) -> Result<(), BusError> {
         if let Some(priority) = self.priority
             && let Err(error) = set_fifo(priority)
         {
@@ -40,15 +50,6 @@ impl RealtimeOptions {
                 "run as root or give it CAP_SYS_NICE (setcap cap_sys_nice+ep), or raise RLIMIT_RTPRIO",
             );
         }
-        if self.lock_memory {
-            fault_in_stack();
-            // Populates all that is mapped: the program, its heap, its stack.
-            lock(MlockAllFlags::MCL_CURRENT);
-        }
-    }
-
-    /// To be called when a role has joined, before its loop begins.
-    pub fn before_the_loop(&self) -> Result<(), BusError> {
         if self.lock_memory {
             // What was joined is shared and for the most part never used: of that, what has been touched.
             let on_fault = MlockAllFlags::from_bits_retain(libc::MCL_ONFAULT);
@@ -93,11 +94,24 @@ fn warn(option: &str, error: &io::Error, remedy: &str) {
     eprintln!("mtj: {option} was refused ({error}) and the loop goes on without; {remedy}");
 }
 
-#[expect(unsafe_code, reason = "nix wraps the scheduler's affinity, but not its policy")]
+/// For all threads of this process, also those of the bus, and those that they will make.
 fn set_fifo(priority: u8) -> io::Result<()> {
+    for thread in fs::read_dir("/proc/self/task")? {
+        let thread = thread?.file_name().to_str().and_then(|name| name.parse().ok());
+        match thread.map_or(Ok(()), |thread| set_fifo_of(thread, priority)) {
+            // It has ended since.
+            Err(error) if error.raw_os_error() == Some(libc::ESRCH) => {}
+            result => result?,
+        }
+    }
+    Ok(())
+}
+
+#[expect(unsafe_code, reason = "nix wraps the scheduler's affinity, but not its policy")]
+fn set_fifo_of(thread: libc::pid_t, priority: u8) -> io::Result<()> {
     let parameters = libc::sched_param { sched_priority: priority.into() };
-    // SAFETY: the parameters outlive the call, which only reads them; 0 is the calling thread.
-    match unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameters) } {
+    // SAFETY: the parameters outlive the call, which only reads them.
+    match unsafe { libc::sched_setscheduler(thread, libc::SCHED_FIFO, &raw const parameters) } {
         0 => Ok(()),
         _ => Err(io::Error::last_os_error()),
     }

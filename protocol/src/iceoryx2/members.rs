@@ -7,7 +7,7 @@ use std::{
     collections::BTreeSet,
     fs::{self, File, OpenOptions, TryLockError},
     os::unix::fs::OpenOptionsExt,
-    path::PathBuf,
+    path::{Path, PathBuf},
 };
 
 use super::{domain::Domain, scarcity};
@@ -43,20 +43,22 @@ impl Members {
             let Some(rest) = name.to_str().and_then(|name| name.strip_prefix(&self.prefix)) else {
                 continue;
             };
-            // The kernel unlocks it when the process dies.
-            let locked = File::open(entry.path()).map(|file| file.try_lock_shared());
-            if matches!(locked, Ok(Err(TryLockError::WouldBlock))) {
+            if is_locked(&entry.path()) {
                 names.push(rest.to_owned());
             }
         }
         Ok(names)
     }
 
+    /// The file of a member.
+    fn path(&self, member: &Member) -> PathBuf {
+        self.directory.join(format!("{}{}", self.prefix, member.to_string().replace('/', ".")))
+    }
+
     /// Announces a member. Only inside.
     pub fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError> {
         let refuse = |error| scarcity::io(&self.directory, &error);
-        let name = format!("{}{}", self.prefix, member.to_string().replace('/', "."));
-        let path = self.directory.join(name);
+        let path = self.path(member);
         let file =
             OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&path);
         let file = file.map_err(refuse)?;
@@ -65,10 +67,20 @@ impl Members {
     }
 }
 
+/// Whether whoever made a file lives: the kernel unlocks it when the process dies.
+fn is_locked(path: &Path) -> bool {
+    let locked = File::open(path).map(|file| file.try_lock_shared());
+    matches!(locked, Ok(Err(TryLockError::WouldBlock)))
+}
+
 impl Attendance for Members {
     fn present(&mut self) -> Result<Vec<Member>, BusError> {
         let living = self.living()?;
         Ok(living.iter().filter_map(|name| name.replace('.', "/").parse().ok()).collect())
+    }
+
+    fn is_present(&mut self, member: &Member) -> Result<bool, BusError> {
+        Ok(is_locked(&self.path(member)))
     }
 }
 

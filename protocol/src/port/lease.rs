@@ -1,9 +1,9 @@
 //! Which of several controllers is in charge: the plant decides, and names it in every state.
 //!
 //! Whoever is in charge holds a *lease*, which it renews by answering. If it leaves a state unanswered
-//! for longer than the lease lasts, the best of the others takes over: the one of the highest
-//! precedence, among those the one that has been there longest. Nobody takes over from a controller that
-//! answers, and torques of any other are refused, so two controllers never alternate.
+//! for longer than the lease lasts, or the bus notices before that it is gone, the best of the others takes over:
+//! the one of the highest precedence, among those the one that has been there longest. Nobody takes over from a
+//! controller that answers, and torques of any other are refused, so two controllers never alternate.
 
 use std::{
     cmp::Reverse,
@@ -26,6 +26,8 @@ pub struct Lease {
     duration: Duration,
     attendance: Box<dyn Attendance>,
     leader: u64,
+    /// The leader, if he was appointed, as he announced himself.
+    appointed: Option<Member>,
     /// Since when a state has been waiting for the leader's answer.
     waiting: Option<Instant>,
     looked: Option<Instant>,
@@ -43,6 +45,7 @@ impl Lease {
             duration,
             attendance,
             leader: 0,
+            appointed: None,
             waiting: None,
             looked: None,
             deposed: None,
@@ -71,7 +74,7 @@ impl Lease {
             let has_lapsed =
                 self.waiting.is_some_and(|since| now.duration_since(since) >= self.duration);
             let may_look = self.looked.is_none_or(|looked| now.duration_since(looked) >= LOOK);
-            if (self.leader == 0 || has_lapsed) && may_look {
+            if ((self.leader == 0 || has_lapsed) && may_look) || self.has_left()? {
                 self.looked = Some(now);
                 self.appoint(now)?;
             }
@@ -107,6 +110,7 @@ impl Lease {
 
     /// An answer of this controller has passed.
     pub fn answered(&mut self, controller: u64) {
+        // Where nobody is appointed, whoever answers is in charge.
         self.leader = controller;
         self.waiting = None;
         self.takeovers += u64::from(self.before != 0 && self.before != controller);
@@ -116,6 +120,12 @@ impl Lease {
     /// How often another controller took charge.
     pub fn takeovers(&self) -> u64 {
         self.takeovers
+    }
+
+    /// Whether the bus knows that whoever was appointed is gone: then nothing is to be waited for.
+    fn has_left(&mut self) -> Result<bool, BusError> {
+        let Some(member) = &self.appointed else { return Ok(false) };
+        Ok(!self.attendance.is_present(member)?)
     }
 
     /// Puts the best of those who are present in charge, rather than the one that did not answer.
@@ -137,6 +147,7 @@ impl Lease {
         });
         // If nobody has announced himself, whoever answers is welcome.
         self.leader = best.map_or(0, |member| member.id);
+        self.appointed = best.copied();
         if self.leader != silent {
             self.waiting = None;
             self.deposed = Some((silent, now));

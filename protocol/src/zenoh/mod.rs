@@ -295,6 +295,10 @@ impl<K> Attendance for ZenohAttendance<K> {
     fn present(&mut self) -> Result<Vec<Member>, BusError> {
         Ok(lock(&self.members).clone())
     }
+
+    fn is_present(&mut self, member: &Member) -> Result<bool, BusError> {
+        Ok(lock(&self.members).contains(member))
+    }
 }
 
 struct ZenohWriter {

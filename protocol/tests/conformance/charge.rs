@@ -34,8 +34,12 @@ struct Controller {
 
 impl<R: Rig> Court<R> {
     fn new() -> Self {
+        Self::of_lease(LEASE)
+    }
+
+    fn of_lease(lease: &str) -> Self {
         let rig = R::new();
-        let set = format!("safety.lease={LEASE}").parse().unwrap();
+        let set = format!("safety.lease={lease}").parse().unwrap();
         let scenario = scenario().changed(&[set]).unwrap();
         let bus = rig.join(Role::Plant);
         let plant = PlantPort::open(&bus, &scenario, RUN).unwrap();
@@ -114,6 +118,18 @@ pub fn the_best_one_takes_over_when_the_lease_lapses<R: Rig>() {
     for _ in 0..10 {
         assert_eq!(court.leader(&mut [&mut first, &mut low]), low.id);
     }
+}
+
+pub fn a_leader_that_has_left_is_not_waited_for<R: Rig>() {
+    // Longer than anybody waits here.
+    let mut court = Court::<R>::of_lease("1 h");
+    let mut first = court.join(10, 1, 1);
+    assert_eq!(court.leader(&mut [&mut first]), 10);
+    let mut second = court.join(11, 0, 2);
+    assert_eq!(court.leader(&mut [&mut first, &mut second]), 10);
+    drop(first);
+    assert_eq!(court.leader(&mut [&mut second]), 11);
+    assert_eq!(court.plant.takeovers(), 1);
 }
 
 pub fn a_lone_controller_that_is_slower_than_its_lease_stays_in_charge<R: Rig>() {

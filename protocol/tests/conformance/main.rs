@@ -42,6 +42,7 @@ for_every_bus! {
     knobs::everybody_hears_who_takes_part;
     charge::two_controllers_never_alternate;
     charge::the_best_one_takes_over_when_the_lease_lapses;
+    charge::a_leader_that_has_left_is_not_waited_for;
     charge::a_lone_controller_that_is_slower_than_its_lease_stays_in_charge;
     charge::whoever_answers_takes_charge_where_nobody_has_announced_himself;
 }
