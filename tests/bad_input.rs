@@ -88,6 +88,13 @@ fn files_are_refused_by_name_and_line() {
 }
 
 #[test]
+fn a_folder_that_cannot_be_made_is_refused() {
+    let session = Session::on("local");
+    let arguments = ["study", "run", "latency", "--out", "/proc/here"];
+    assert_refused(&session, &arguments, &["--out /proc/here", "can be written"]);
+}
+
+#[test]
 fn mb_on_a_redundant_arm_is_refused() {
     let session = Session::on("local");
     let arguments = ["run", "--scenario", "redundant/mtj", "--set", "law.kind=mb"];

@@ -191,6 +191,31 @@ fn a_tolerance_is_kept() {
 }
 
 #[test]
+fn a_jacobian_without_an_inverse_ends_its_own_lane_only() {
+    // Without torque to speak of, the second arm has stretched itself by the second sample.
+    let begun_at = |position: &str| {
+        let sets = [
+            "timing.clock=lockstep",
+            "timing.integration_step=auto",
+            "timing.sample_period=1s",
+            "duration=3s",
+            "safety.torque_limit=[1e-12, 1e-12]",
+            "arm.velocity=[0.0, -1e-5]",
+            &format!("arm.position={position}"),
+        ];
+        Scenario::load("sampled/mb", &sets.map(|set| set.parse().unwrap())).unwrap()
+    };
+    let scenarios = ["[0.03, 1.5]", "[0.3, 1e-5]", "[0.03, 1.6]"].map(begun_at);
+    let ours = in_lanes(&scenarios);
+    assert!(reference(&scenarios[1]).unwrap_err().contains("singular"));
+    assert_eq!(ours[1], reference(&scenarios[1]));
+    for i in [0, 2] {
+        assert_eq!(ours[i], in_lanes(&scenarios[i..=i])[0]);
+        assert!(ours[i].is_ok());
+    }
+}
+
+#[test]
 fn what_lanes_do_not_do_is_the_scalar_path_bit_for_bit() {
     for more in [
         [set("timing.integration_step", "5 ms"), set("duration", "1 s")],

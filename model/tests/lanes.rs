@@ -5,6 +5,7 @@
 use mtj_model::{
     arm::{Link, PlanarArm},
     lanes::{Lanes, Width, Work},
+    scalar::Scalar,
 };
 use nalgebra::{SVector, Vector2};
 
@@ -95,6 +96,16 @@ fn sines_cosines_and_exponentials_are_good_to_an_ulp_or_two() {
     }
     let relative = |x: f64| f64::EPSILON * x.exp();
     assert!(worst(Exponential, 700.0, f64::exp, relative) < 2.0);
+}
+
+#[test]
+fn the_exponential_of_each_is_that_of_one() {
+    for x in numbers(700.0) {
+        let powers = f64::exp_each(&SVector::from([x, -x, 0.5 * x]));
+        for (power, x) in powers.iter().zip([x, -x, 0.5 * x]) {
+            assert!((power / x.exp() - 1.0).abs() < 2.0 * f64::EPSILON, "e^{x}: {power}");
+        }
+    }
 }
 
 #[test]

@@ -64,22 +64,17 @@ impl<T: Scalar, const M: usize> Factor<T, M> {
                 let slow = matrix::norm(&e.velocity).where_below(*error_rate, one, zero);
                 Regulation::Switch(matrix::norm(&e.position).where_below(*error, slow, zero))
             }
-            Self::Exponential { error, error_rate } => Regulation::Scalar(fade(
-                matrix::norm(&e.position) / *error,
-                matrix::norm(&e.velocity) / *error_rate,
-            )),
+            Self::Exponential { error, error_rate } => {
+                let (size, rate) = (matrix::norm(&e.position), matrix::norm(&e.velocity));
+                Regulation::Scalar((-(size / *error + rate / *error_rate)).exp())
+            }
             Self::Diagonal { error, error_rate } => {
-                Regulation::Diagonal(SVector::from_fn(|i, _| {
-                    fade(e.position[i].abs() / error[i], e.velocity[i].abs() / error_rate[i])
-                }))
+                Regulation::Diagonal(T::exp_each(&SVector::from_fn(|i, _| {
+                    -(e.position[i].abs() / error[i] + e.velocity[i].abs() / error_rate[i])
+                })))
             }
         }
     }
-}
-
-#[inline(always)]
-fn fade<T: Scalar>(error: T, error_rate: T) -> T {
-    (-(error + error_rate)).exp()
 }
 
 impl<T: Scalar, const M: usize> Regulation<T, M> {

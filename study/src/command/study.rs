@@ -101,7 +101,8 @@ impl RunStudy {
         let plan = self.which.load()?;
         let shutdown = Shutdown::on_signals();
         let proceed = move || shutdown.proceed();
-        let mut results = Results::open(&self.out, &plan, self.shard)?;
+        let mut results =
+            Results::open(&self.out, &plan, self.shard).map_err(Failure::bad_input)?;
         let cores = || thread::available_parallelism().map_or(1, NonZero::get);
         let threads = self.threads.map_or_else(cores, NonZero::get);
         let is_complete = match self.bus_scenario(&plan)? {

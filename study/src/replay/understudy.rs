@@ -17,10 +17,10 @@ pub struct Understudy<'a> {
     set: &'a [Override],
     /// Of the newest run, by revision.
     scenarios: Vec<(u64, u32, Scenario)>,
-    role: Option<Role>,
+    part: Option<Part>,
 }
 
-struct Role {
+struct Part {
     run: u64,
     revision: u32,
     controller: Controller,
@@ -33,7 +33,7 @@ struct Role {
 impl<'a> Understudy<'a> {
     /// Answers as the recorded scenarios say, with `set` laid over them.
     pub fn new(set: &'a [Override]) -> Self {
-        Self { set, scenarios: Vec::new(), role: None }
+        Self { set, scenarios: Vec::new(), part: None }
     }
 
     /// Takes in a scenario that states will be about.
@@ -42,7 +42,7 @@ impl<'a> Understudy<'a> {
         let scenario = Scenario::parse(&scenario.name, scenario.text(), self.set)
             .map_err(|error| error.to_string())?;
         // Answers of the run before may still come.
-        let before = self.role.as_ref().map(|role| role.run);
+        let before = self.part.as_ref().map(|part| part.run);
         self.scenarios.retain(|(known, ..)| known == run || Some(*known) == before);
         self.scenarios.push((*run, *revision, scenario));
         Ok(())
@@ -59,40 +59,40 @@ impl<'a> Understudy<'a> {
         let refuse = |error| format!("at {}: {error}", Instant::of(&state.header));
         let Some((revision, scenario)) = scenario_of(&self.scenarios, &state.header) else {
             findings.without_scenario += 1;
-            self.role = None;
+            self.part = None;
             return Ok(());
         };
-        let is_new = self.role.as_ref().is_none_or(|role| role.run != state.header.run);
-        let role = self.role.get_or_insert_with(|| Role::new(torque, revision, scenario));
+        let is_new = self.part.as_ref().is_none_or(|part| part.run != state.header.run);
+        let part = self.part.get_or_insert_with(|| Part::new(torque, revision, scenario));
         if is_new {
-            *role = Role::new(torque, revision, scenario);
-        } else if role.revision != revision {
-            role.revision = revision;
-            role.controller.adopt(scenario);
+            *part = Part::new(torque, revision, scenario);
+        } else if part.revision != revision {
+            part.revision = revision;
+            part.controller.adopt(scenario);
         }
-        if !is_new && role.recorded != torque.controller {
+        if !is_new && part.recorded != torque.controller {
             // What it remembered while it stood by, or that it had just started, shows only now.
             findings.takeovers += 1;
-            role.recorded = torque.controller;
-            role.is_joining = true;
+            part.recorded = torque.controller;
+            part.is_joining = true;
         }
-        role.is_joining |= after_gap;
-        if role.is_joining {
-            role.controller.take_over(state, torque).map_err(refuse)?;
+        part.is_joining |= after_gap;
+        if part.is_joining {
+            part.controller.take_over(state, torque).map_err(refuse)?;
             // What is latched at the beginning of a memory step lasts until the next.
             let step = scenario.law.memory.step.as_nanos() as u64;
             let period = scenario.timing.sample_period.as_nanos() as u64;
-            role.is_joining = state.header.time_ns % step >= period;
+            part.is_joining = state.header.time_ns % step >= period;
             findings.joined += 1;
             return Ok(());
         }
-        let answer = role.controller.respond(state).map_err(refuse)?;
+        let answer = part.controller.respond(state).map_err(refuse)?;
         findings.compare(torque, &answer, is_same(&answer, torque));
         Ok(())
     }
 }
 
-impl Role {
+impl Part {
     fn new(torque: &TorqueSample, revision: u32, scenario: &Scenario) -> Self {
         Self {
             run: torque.header.run,

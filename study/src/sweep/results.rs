@@ -140,7 +140,9 @@ impl Results {
             let path = path.display().to_string();
             move |error: io::Error| format!("{path}: {error}")
         };
-        fs::create_dir_all(folder).map_err(say(folder))?;
+        fs::create_dir_all(folder).map_err(|error| {
+            format!("--out {}: {error}; give a folder that can be written", folder.display())
+        })?;
         claim(folder, plan)?;
         let path = folder.join(shard.file_name());
         let columns = columns(plan);

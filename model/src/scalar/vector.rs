@@ -4,8 +4,8 @@ use std::fmt::Debug;
 
 /// A vector register of doubles.
 ///
-/// The types behind this trait compute with instructions that not every processor has. They are
-/// private to [`super`], where the processor is asked before any such value can exist.
+/// The types behind this trait compute with instructions that not every processor has. They are private to
+/// this crate, where [`crate::lanes`] asks the processor before any such value can exist.
 pub trait Vector: Copy + Debug + 'static {
     /// How many doubles it holds.
     const COUNT: usize;

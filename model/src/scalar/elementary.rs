@@ -1,4 +1,5 @@
-//! Sine, cosine and exponential, without branches and tables, to about an ulp.
+//! Sine, cosine and exponential of several numbers at once, without branches and tables, to about an ulp: what makes
+//! a vector a [`Scalar`].
 //!
 //! The argument is brought close to zero by taking away a whole number of steps, π/2 or ln 2, whose
 //! length is given in pieces so short that the multiples are exact (W. J. Cody and W. Waite, *Software
@@ -6,8 +7,7 @@
 
 use num_traits::{One, Zero};
 
-use super::{vector::Vector, wide::Wide};
-use crate::scalar::Scalar;
+use super::{Scalar, vector::Vector, wide::Wide};
 
 /// π/2 in pieces: 33 bits, and what is left of it in a double.
 const QUARTER_TURN: [f64; 2] = [1.570_796_326_734_125_6, 6.077_100_506_506_192e-11];
@@ -107,4 +107,31 @@ fn series<V: Vector>(z: Wide<V>, coefficients: &[f64]) -> Wide<V> {
         sum = sum * z + Wide::constant(*coefficient);
     }
     sum
+}
+
+impl<V: Vector> Scalar for Wide<V> {
+    #[inline(always)]
+    fn constant(value: f64) -> Self {
+        Self::splat(value)
+    }
+    #[inline(always)]
+    fn sin_cos(self) -> (Self, Self) {
+        sin_cos(self)
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(self.0.sqrt())
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        exp(self)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self(self.0.abs())
+    }
+    #[inline(always)]
+    fn where_below(self, bound: Self, then: Self, otherwise: Self) -> Self {
+        Self(self.0.where_below(bound.0, then.0, otherwise.0))
+    }
 }

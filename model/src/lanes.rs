@@ -4,16 +4,12 @@
 //! the same IEEE operations, none of them contracted, so that a lane's numbers depend neither on its
 //! neighbours nor on how wide the vectors of the machine are.
 
-mod elementary;
-mod vector;
-mod wide;
-
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64;
 
-use wide::Wide;
+use num_traits::One;
 
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, Vector, Wide};
 
 /// A number that holds several, each in its lane.
 pub trait Lanes: Scalar {
@@ -27,6 +23,27 @@ pub trait Lanes: Scalar {
     fn is_any_below(self, bound: Self) -> bool;
     /// The next whole number, for magnitudes below 2⁵¹.
     fn ceil(self) -> Self;
+}
+
+impl<V: Vector> Lanes for Wide<V> {
+    const COUNT: usize = V::COUNT;
+    #[inline(always)]
+    fn get(&self, lane: usize) -> f64 {
+        self.0.get(lane)
+    }
+    #[inline(always)]
+    fn set(&mut self, lane: usize, value: f64) {
+        self.0.set(lane, value);
+    }
+    #[inline(always)]
+    fn is_any_below(self, bound: Self) -> bool {
+        self.0.is_any_below(bound.0)
+    }
+    #[inline(always)]
+    fn ceil(self) -> Self {
+        let nearest = self.round();
+        nearest.where_below(self, nearest + Self::one(), nearest)
+    }
 }
 
 /// Something to be computed in lanes.

@@ -4,20 +4,16 @@ use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssi
 
 use num_traits::{One, Zero};
 
-use super::{
-    Lanes, elementary,
-    vector::{ROUNDING, Vector},
-};
-use crate::scalar::Scalar;
+use super::vector::{ROUNDING, Vector};
 
-/// A vector as a [`Scalar`].
+/// A vector with the operators of a number.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
-pub struct Wide<V>(V);
+pub struct Wide<V>(pub V);
 
 impl<V: Vector> Wide<V> {
     #[inline(always)]
-    fn splat(value: f64) -> Self {
+    pub fn splat(value: f64) -> Self {
         Self(V::splat(value))
     }
 
@@ -72,7 +68,7 @@ impl<V: Vector> Neg for Wide<V> {
 impl<V: Vector> PartialEq for Wide<V> {
     #[inline(always)]
     fn eq(&self, other: &Self) -> bool {
-        (0..Self::COUNT).all(|lane| self.get(lane) == other.get(lane))
+        (0..V::COUNT).all(|lane| self.0.get(lane) == other.0.get(lane))
     }
 }
 
@@ -91,53 +87,5 @@ impl<V: Vector> One for Wide<V> {
     #[inline(always)]
     fn one() -> Self {
         Self::splat(1.0)
-    }
-}
-
-impl<V: Vector> Scalar for Wide<V> {
-    #[inline(always)]
-    fn constant(value: f64) -> Self {
-        Self::splat(value)
-    }
-    #[inline(always)]
-    fn sin_cos(self) -> (Self, Self) {
-        elementary::sin_cos(self)
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        Self(self.0.sqrt())
-    }
-    #[inline(always)]
-    fn exp(self) -> Self {
-        elementary::exp(self)
-    }
-    #[inline(always)]
-    fn abs(self) -> Self {
-        Self(self.0.abs())
-    }
-    #[inline(always)]
-    fn where_below(self, bound: Self, then: Self, otherwise: Self) -> Self {
-        Self(self.0.where_below(bound.0, then.0, otherwise.0))
-    }
-}
-
-impl<V: Vector> Lanes for Wide<V> {
-    const COUNT: usize = V::COUNT;
-    #[inline(always)]
-    fn get(&self, lane: usize) -> f64 {
-        self.0.get(lane)
-    }
-    #[inline(always)]
-    fn set(&mut self, lane: usize, value: f64) {
-        self.0.set(lane, value);
-    }
-    #[inline(always)]
-    fn is_any_below(self, bound: Self) -> bool {
-        self.0.is_any_below(bound.0)
-    }
-    #[inline(always)]
-    fn ceil(self) -> Self {
-        let nearest = self.round();
-        nearest.where_below(self, nearest + Self::one(), nearest)
     }
 }
