@@ -8,7 +8,7 @@
 mod session;
 
 use std::{
-    collections::BTreeSet,
+    collections::{BTreeMap, BTreeSet},
     env, fs, thread,
     time::{Duration, Instant},
 };
@@ -173,6 +173,17 @@ impl<'a> Soak<'a> {
     }
 }
 
+/// What processes have in shared memory, by kind, once everybody has found whom he follows.
+fn shared(processes: &[u32]) -> BTreeMap<String, usize> {
+    thread::sleep(Duration::from_millis(500));
+    let mut kinds = BTreeMap::new();
+    for path in shared_memory_of(processes) {
+        let (_, kind) = path.rsplit_once('.').unwrap_or_default();
+        *kinds.entry(kind.to_owned()).or_default() += 1;
+    }
+    kinds
+}
+
 fn survives_kills_over(bus: &str) {
     let (kills, seed) = (setting("MTJ_SOAK_KILLS", 20), setting("MTJ_SOAK_SEED", 5));
     let mut chance = Chance(seed);
@@ -197,10 +208,10 @@ fn survives_kills_over(bus: &str) {
         joined[role].push(soak.restart(role));
         // Once everybody has been replaced, nothing may grow any more.
         if before.is_none() && (killed >= kills / 4 || killed > 30) {
-            before = Some((Holdings::of(witness.id()), shared_memory_of(&soak.processes).len()));
+            before = Some((Holdings::of(witness.id()), shared(&soak.processes)));
         }
     }
-    let held = (Holdings::of(witness.id()), shared_memory_of(&soak.processes).len());
+    let held = (Holdings::of(witness.id()), shared(&soak.processes));
     println!("{bus}: {killed} killed (seed {seed}); the witness held {before:?}, then {held:?}");
     let load = fs::read_to_string("/proc/loadavg").unwrap();
     println!("  load of the machine: {}", load.trim());
@@ -219,7 +230,8 @@ fn survives_kills_over(bus: &str) {
     assert!(slowest <= Some(&SOON), "it took {slowest:?} until somebody took part again");
     if let Some((holdings, files)) = before {
         held.0.assert_not_above(holdings);
-        assert!(held.1 <= files + 2, "{files} files in shared memory, then {}", held.1);
+        let count = |files: &BTreeMap<String, usize>| files.values().sum::<usize>();
+        assert!(count(&held.1) <= count(&files) + 2, "{files:#?}\nthen {:#?}", held.1);
     }
     let Soak { running, processes, watch, .. } = soak;
     for mut role in running.into_iter().chain([witness]) {
