@@ -59,8 +59,8 @@ pub fn sin_cos<V: Vector>(x: Wide<V>) -> (Wide<V>, Wide<V>) {
     let quarters = (x * c(std::f64::consts::FRAC_2_PI)).round();
     let r = (x - quarters * c(QUARTER_TURN[0])) - quarters * c(QUARTER_TURN[1]);
     let z = r * r;
-    let sin = r + r * z * seven_terms(z, &SINE);
-    let cos = c(1.0) - (z * c(0.5) - z * z * seven_terms(z, &COSINE));
+    let sin = r + r * z * seven_terms(z, SINE);
+    let cos = c(1.0) - (z * c(0.5) - z * z * seven_terms(z, COSINE));
     // The quarter turn that is left, −2 to 2.
     let turn = quarters - (quarters * c(0.25)).round() * c(4.0);
     let is_odd = |then, otherwise| {
@@ -82,31 +82,41 @@ pub fn exp<V: Vector>(x: Wide<V>) -> Wide<V> {
     let c = Wide::<V>::constant;
     let n = (x * c(std::f64::consts::LOG2_E)).round();
     let r = (x - n * c(LN_2[0])) - n * c(LN_2[1]);
-    let power = Wide::one() + (r + r * (r * series(r, &EXPONENTIAL)));
+    let power = Wide::one() + (r + (r * r) * twelve_terms(r, EXPONENTIAL));
     let [least, most] = EXPONENTS.map(c);
     let within = x.where_below(least, Wide::zero(), power * n.power_of_two());
     most.where_below(x, c(f64::INFINITY), within)
 }
 
-/// a₀ + a₁ z + … + a₆ z⁶, by halves that do not wait for each other (Estrin's scheme).
+// Polynomials by parts that do not wait for each other (Estrin's scheme): what counts is how long a chain of
+// operations is, more than how many there are.
+
+/// a₀ + a₁ z + a₂ z² + a₃ z³.
 #[inline(always)]
-fn seven_terms<V: Vector>(z: Wide<V>, coefficients: &[f64; 7]) -> Wide<V> {
-    let [a0, a1, a2, a3, a4, a5, a6] = coefficients.map(Wide::<V>::constant);
-    let square = z * z;
-    let low = (a0 + a1 * z) + (a2 + a3 * z) * square;
-    let high = (a4 + a5 * z) + a6 * square;
-    low + high * (square * square)
+fn four_terms<V: Vector>(z: Wide<V>, square: Wide<V>, coefficients: [f64; 4]) -> Wide<V> {
+    let [a0, a1, a2, a3] = coefficients.map(Wide::<V>::constant);
+    (a0 + a1 * z) + (a2 + a3 * z) * square
 }
 
-/// a₀ + a₁ z + a₂ z² + …
+/// a₀ + a₁ z + … + a₆ z⁶.
 #[inline(always)]
-fn series<V: Vector>(z: Wide<V>, coefficients: &[f64]) -> Wide<V> {
-    let [rest @ .., last] = coefficients else { return Wide::zero() };
-    let mut sum = Wide::constant(*last);
-    for coefficient in rest.iter().rev() {
-        sum = sum * z + Wide::constant(*coefficient);
-    }
-    sum
+fn seven_terms<V: Vector>(z: Wide<V>, coefficients: [f64; 7]) -> Wide<V> {
+    let [a0, a1, a2, a3, a4, a5, a6] = coefficients;
+    let square = z * z;
+    let [a4, a5, a6] = [a4, a5, a6].map(Wide::<V>::constant);
+    let high = (a4 + a5 * z) + a6 * square;
+    four_terms(z, square, [a0, a1, a2, a3]) + high * (square * square)
+}
+
+/// a₀ + a₁ z + … + a₁₁ z¹¹.
+#[inline(always)]
+fn twelve_terms<V: Vector>(z: Wide<V>, coefficients: [f64; 12]) -> Wide<V> {
+    let [a0, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11] = coefficients;
+    let square = z * z;
+    let fourth = square * square;
+    let high = four_terms(z, square, [a8, a9, a10, a11]);
+    let middle = four_terms(z, square, [a4, a5, a6, a7]) + high * fourth;
+    four_terms(z, square, [a0, a1, a2, a3]) + middle * fourth
 }
 
 impl<V: Vector> Scalar for Wide<V> {
