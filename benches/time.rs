@@ -4,7 +4,10 @@
 use std::time::Duration;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main, measurement::WallTime};
-use mtj_benches::case::{Case, Meter, PASSES, Setting};
+use mtj_benches::{
+    case::{Case, PASSES, Setting},
+    meter::Meter,
+};
 
 criterion_group! {
     name = laws;

@@ -8,7 +8,7 @@ use mtj_controller::Controller;
 use mtj_model::scenario::{Override, Scenario, built_in};
 use mtj_protocol::sample::{Header, StateSample, VERSION, padded};
 
-use crate::case::{Law, Meter};
+use crate::{law::Law, meter::Meter};
 
 /// A power of two, so that it costs nothing to start again.
 const STATES: usize = 64;

@@ -12,7 +12,7 @@ use std::{
     sync::atomic::{AtomicU32, Ordering},
 };
 
-use crate::case::{Case, Meter};
+use crate::{case::Case, meter::Meter};
 
 /// Steps that are counted for each case: twice over all states of a loop.
 const STEPS: u32 = 128;

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::{answer, step};
+use crate::{answer, law::Law, meter::Meter, step};
 
 /// The numbers of links that are measured.
 pub const LINKS: std::ops::RangeInclusive<usize> = 2..=7;
@@ -33,42 +33,6 @@ pub enum Setting {
     },
     /// The paper's: as many task axes as joints, full matrices, and the error, J, J⁻¹, H, C and J̇ q̇ given.
     Paper,
-}
-
-/// A law, with mtj's regulating factor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Law {
-    /// Eq. (7).
-    Tj,
-    /// Eq. (16) with the factor of eq. (14).
-    MtjSwitch,
-    /// Eq. (16) with the factor of eq. (15a).
-    MtjExponential,
-    /// Eq. (16) with the factor of eq. (15b).
-    MtjDiagonal,
-    /// Eq. (4).
-    Mb,
-}
-
-impl Law {
-    /// All of them, tj first.
-    pub const ALL: [Self; 5] =
-        [Self::Tj, Self::MtjSwitch, Self::MtjExponential, Self::MtjDiagonal, Self::Mb];
-
-    /// mtj's three.
-    pub const MTJ: [Self; 3] = [Self::MtjSwitch, Self::MtjExponential, Self::MtjDiagonal];
-}
-
-impl fmt::Display for Law {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Tj => "tj",
-            Self::MtjSwitch => "mtj (14)",
-            Self::MtjExponential => "mtj (15a)",
-            Self::MtjDiagonal => "mtj (15b)",
-            Self::Mb => "mb",
-        })
-    }
 }
 
 impl Setting {
@@ -128,10 +92,4 @@ impl Case {
             Setting::Paper => step::measure(self.links, self.law, meter),
         }
     }
-}
-
-/// What measures a step. Generic over the step, so that no call through a pointer stands between the two.
-pub trait Meter {
-    /// Calls `step` as often as it needs to.
-    fn measure(&mut self, step: impl FnMut());
 }

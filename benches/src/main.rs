@@ -13,7 +13,8 @@ use std::{
 
 use mtj_benches::{
     callgrind,
-    case::{Case, Law, PASSES, Setting},
+    case::{Case, PASSES, Setting},
+    law::Law,
     table::{Figures, Table},
 };
 

@@ -9,7 +9,7 @@ use mtj_controller::law::{
 use mtj_model::{for_links, gains::Gains, matrix, task::TaskDynamics};
 use nalgebra::{SMatrix, SVector};
 
-use crate::case::{Law, Meter};
+use crate::{law::Law, meter::Meter};
 
 /// The laws at one size.
 struct Laws<const N: usize> {

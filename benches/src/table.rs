@@ -2,7 +2,10 @@
 
 use std::fmt;
 
-use crate::case::{Case, LINKS, Law, Setting};
+use crate::{
+    case::{Case, LINKS, Setting},
+    law::Law,
+};
 
 /// What was measured of each case, in some unit; of some cases perhaps nothing.
 pub struct Figures(Vec<(Case, f64)>);

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use mtj_benches::{
     callgrind,
-    case::{Case, LINKS, Law, Setting},
+    case::{Case, LINKS, Setting},
+    law::Law,
     table::Figures,
 };
 

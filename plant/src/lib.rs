@@ -22,3 +22,4 @@ pub mod sensor;
 pub mod simulator;
 pub mod summary;
 pub mod trace;
+mod turning;
