@@ -188,7 +188,8 @@ fn a_controller_that_was_stopped_stands_by_for_the_one_that_took_over() {
         leaders.dedup();
         // What the first one had under way when it was stopped may have come after it went on.
         assert!(leaders.len() <= 4 && leaders[0] != *leaders.last().unwrap(), "{leaders:?}");
-        assert!(report["commands"]["rejected"].as_u64().unwrap() <= 1, "{bus}: {report}");
+        // When it goes on it may answer those states of its last lease, 100 ms, that it gets one by one.
+        assert!(report["commands"]["rejected"].as_u64().unwrap() <= 10, "{bus}: {report}");
         assert_within_limits(&session);
     }
 }
