@@ -6,8 +6,9 @@ use std::{
     any::Any,
     collections::BTreeSet,
     fs::{self, File, OpenOptions, TryLockError},
+    io::ErrorKind,
     os::unix::fs::OpenOptionsExt,
-    path::{Path, PathBuf},
+    path::PathBuf,
 };
 
 use super::{domain::Domain, scarcity};
@@ -43,7 +44,7 @@ impl Members {
             let Some(rest) = name.to_str().and_then(|name| name.strip_prefix(&self.prefix)) else {
                 continue;
             };
-            if is_locked(&entry.path()) {
+            if File::open(entry.path()).is_ok_and(|file| is_locked(&file)) {
                 names.push(rest.to_owned());
             }
         }
@@ -68,9 +69,8 @@ impl Members {
 }
 
 /// Whether whoever made a file lives: the kernel unlocks it when the process dies.
-fn is_locked(path: &Path) -> bool {
-    let locked = File::open(path).map(|file| file.try_lock_shared());
-    matches!(locked, Ok(Err(TryLockError::WouldBlock)))
+fn is_locked(file: &File) -> bool {
+    matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock))
 }
 
 impl Attendance for Members {
@@ -80,7 +80,12 @@ impl Attendance for Members {
     }
 
     fn is_present(&mut self, member: &Member) -> Result<bool, BusError> {
-        Ok(is_locked(&self.path(member)))
+        match File::open(self.path(member)) {
+            Ok(file) => Ok(is_locked(&file)),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
+            // Whoever has no descriptor left to find out keeps to the lease.
+            Err(_) => Ok(true),
+        }
     }
 }
 
