@@ -17,8 +17,7 @@ use nix::sys::signal::Signal;
 use serde_json::Value;
 use session::{Running, Session, observer::Observer, send};
 
-/// How many runs there are before this machine is found unable to keep up: noise only lengthens gaps, so one run
-/// without shows what mtj does.
+/// How many runs there are before this machine is found unable to keep up.
 const ATTEMPTS: usize = 20;
 /// `safety.lease` and `timing.sample_period`, ms.
 const LEASE: f64 = 5.0;
@@ -61,6 +60,13 @@ fn report_of(mut plant: Running) -> Value {
     serde_json::from_str(&plant.stdout()).unwrap()
 }
 
+/// Whether the machine gave the processes their time: what it withheld, no program can make good. The run without
+/// kills, just before, is the peer that shows it.
+fn kept_up(report: &Value, undisturbed: &Value) -> bool {
+    let commands = &undisturbed["commands"];
+    report["deadline_misses"] == 0 && commands["late"] == 0 && commands["lost"] == 0
+}
+
 fn fails_over(bus: &str) {
     let _alone = MACHINE.lock().unwrap_or_else(PoisonError::into_inner);
     for _ in 0..ATTEMPTS {
@@ -79,8 +85,10 @@ fn fails_over(bus: &str) {
         if report["takeovers"] == kills() && is_short && is_accurate {
             return;
         }
+        let excuse = !kept_up(&report, &undisturbed);
+        assert!(excuse, "{gap} ms without a fresh torque: {report}\n{undisturbed}");
     }
-    panic!("a gap, an inaccuracy or a take-over too many in each of {ATTEMPTS} runs");
+    panic!("this machine never kept up with {SAMPLE_PERIOD} ms in {ATTEMPTS} runs");
 }
 
 fn run_undisturbed(bus: &str) -> Value {
