@@ -129,14 +129,21 @@ impl<S: Sample> Writer<S> for WatchedEnd<dyn Writer<S>> {
 }
 
 impl<S: Sample> Reader<S> for WatchedEnd<dyn Reader<S>> {
-    fn take(&mut self) -> Result<Option<S>, BusError> {
-        let found = self.0.take()?;
-        found.iter().for_each(passes);
+    fn advance(&mut self) -> Result<bool, BusError> {
+        let found = self.0.advance()?;
+        if found {
+            passes(self.0.sample());
+        }
         Ok(found)
     }
-    fn spin(&mut self) -> Result<Option<S>, BusError> {
+    fn sample(&self) -> &S {
+        self.0.sample()
+    }
+    fn spin(&mut self) -> Result<bool, BusError> {
         let found = self.0.spin()?;
-        found.iter().for_each(passes);
+        if found {
+            passes(self.0.sample());
+        }
         Ok(found)
     }
     fn sleep(&mut self, until: Instant) -> Result<(), BusError> {

@@ -16,7 +16,7 @@ use mtj_protocol::{
     bus::Bus,
     member::{Member, Role},
     port::{ControllerPort, Heard, fetch_scenario},
-    sample::{StateSample, TorqueSample},
+    sample::StateSample,
 };
 use nix::sys::signal::Signal;
 use serde_json::Value;
@@ -220,16 +220,17 @@ fn a_slow_controller_is_late_and_its_torques_act_late() {
         let mut controller = Controller::new(&offered.scenario);
         while !plant.has_ended() && proceed() {
             let heard = port.receive(Instant::now() + Duration::from_millis(50)).unwrap();
-            let (state, torque) = match heard {
-                Some(Heard::State(state)) => (state, controller.respond(&state).unwrap()),
-                Some(Heard::Again(state)) => (state, controller.answer_again(&state)),
+            let torque = match heard {
+                Some(Heard::State) => controller.respond(port.state()).unwrap(),
+                Some(Heard::Again) => controller.answer_again(port.state()),
                 _ => continue,
             };
             thread::sleep(Duration::from_millis(15));
-            if port.is_in_charge(&state) {
-                port.send(&TorqueSample { residence_ns: 15_000_000, ..torque }).unwrap();
+            if port.is_in_charge() {
+                torque.residence_ns = 15_000_000;
+                port.send(torque).unwrap();
             }
-            port.tell(&state).unwrap();
+            port.tell().unwrap();
         }
         let report = report_of(&mut plant);
         let count = |name: &str| report["commands"][name].as_u64().unwrap();

@@ -13,7 +13,8 @@ use crate::{law::Law, meter::Meter};
 /// A power of two, so that it costs nothing to start again.
 const STATES: usize = 64;
 
-/// One call of [`Controller::respond`] a step, over and over the same stretch of a motion.
+/// One call of [`Controller::respond`] and one of [`Controller::foresee`] a step, over and over the same stretch of a
+/// motion.
 pub fn measure(links: usize, law: Law, memory: &str, prediction: bool, meter: &mut impl Meter) {
     let mut controller = Controller::new(&scenario(links, law, memory, prediction));
     let states: [StateSample; STATES] = std::array::from_fn(|k| state(links, k));
@@ -24,6 +25,7 @@ pub fn measure(links: usize, law: Law, memory: &str, prediction: bool, meter: &m
         let state = black_box(&states[next % STATES]);
         let answer = controller.respond(state);
         black_box(&answer).as_ref().expect("an answer");
+        controller.foresee(state);
         next += 1;
     });
 }

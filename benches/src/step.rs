@@ -76,7 +76,7 @@ impl<const N: usize> Laws<N> {
         let tj = TransposeJacobian { kp, kd };
         Self {
             tj,
-            mtj: ModifiedTransposeJacobian { tj, factor, ceiling: 1.0 },
+            mtj: ModifiedTransposeJacobian { tj, factor, ceiling: None },
             mb: ModelBased { kp, kd },
         }
     }

@@ -3,9 +3,11 @@
 use std::fmt;
 
 use mtj_model::{
+    PLANE,
     arm::Posture,
     for_links,
     scenario::{Horizon, LawKind, LawSettings, Scenario},
+    trajectory::Motion,
 };
 use mtj_protocol::sample::{ErrorSample, StateSample, TorqueSample, padded};
 use nalgebra::SVector;
@@ -23,7 +25,13 @@ use crate::{
 /// it was made and knows neither clocks nor transports.
 pub struct Controller {
     law: Box<dyn Respond>,
-    answered: TorqueSample,
+    answer: Answer,
+}
+
+/// An answer, where it stays: it is lent to whoever sends it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Answer {
+    torque: TorqueSample,
     error: ErrorSample,
 }
 
@@ -62,7 +70,7 @@ impl Controller {
     /// The controller that a scenario describes.
     pub fn new(scenario: &Scenario) -> Self {
         let law = law(scenario, None, Tip::unknown());
-        Self { law, answered: TorqueSample::default(), error: ErrorSample::default() }
+        Self { law, answer: Answer::default() }
     }
 
     /// Goes on under a scenario that was changed while it runs, for the same arm: with what it remembers, so
@@ -74,10 +82,18 @@ impl Controller {
     }
 
     /// τ = J_Cᵀ Q̂ for a measured state, with Q̂ from the law. The desired motion is evaluated at the
-    /// sample's own time stamp (plus the prediction horizon), never at the time of arrival.
-    pub fn respond(&mut self, state: &StateSample) -> Result<TorqueSample, LawError> {
-        (self.answered, self.error) = self.law.respond(state)?;
-        Ok(self.answered)
+    /// sample's own time stamp (plus the prediction horizon), never at the time of arrival. Who answers and how
+    /// long that took is for whoever sends it to fill in.
+    pub fn respond(&mut self, state: &StateSample) -> Result<&mut TorqueSample, LawError> {
+        self.law.respond(state, &mut self.answer)?;
+        Ok(&mut self.answer.torque)
+    }
+
+    /// Computes of the answer to the sample after `state` what does not depend on what will be measured: where the
+    /// tip should be. To be called when the answer to `state` is on its way; if it is not, or if the next sample is
+    /// of another instant than was to be expected, the answer is the same and takes a little longer.
+    pub fn foresee(&mut self, state: &StateSample) {
+        self.law.foresee(state);
     }
 
     /// Takes the place of another controller that answered `state` with `torque`, as if it had done so
@@ -89,23 +105,27 @@ impl Controller {
     ) -> Result<(), LawError> {
         self.respond(state)?;
         self.law.remember(torque);
-        self.answered = *torque;
+        self.answer.torque = *torque;
         Ok(())
     }
 
     /// How the law saw the instant it answered last.
     pub fn error(&self) -> &ErrorSample {
-        &self.error
+        &self.answer.error
     }
 
     /// The answer to the last state once more, for a plant that did not get it.
-    pub fn answer_again(&self, state: &StateSample) -> TorqueSample {
-        TorqueSample { state_sent_ns: state.sent_ns, ..self.answered }
+    pub fn answer_again(&mut self, state: &StateSample) -> &mut TorqueSample {
+        let torque = &mut self.answer.torque;
+        (torque.state_sent_ns, torque.residence_ns) = (state.sent_ns, 0);
+        torque
     }
 }
 
 trait Respond {
-    fn respond(&mut self, state: &StateSample) -> Result<(TorqueSample, ErrorSample), LawError>;
+    fn respond(&mut self, state: &StateSample, answer: &mut Answer) -> Result<(), LawError>;
+    /// Computes what is known of the answer to the next state.
+    fn foresee(&mut self, state: &StateSample);
     /// Believes to have answered the last state so.
     fn remember(&mut self, torque: &TorqueSample);
     /// What is known from earlier samples.
@@ -125,6 +145,9 @@ struct ArmController<const N: usize> {
     memory: Option<Memory>,
     horizon: Option<Horizon>,
     previous: Tip<f64>,
+    sample_period_ns: u64,
+    /// When something is desired of the tip, s, and what.
+    foreseen: Option<(f64, Motion<f64, PLANE>)>,
 }
 
 impl<const N: usize> ArmController<N> {
@@ -140,6 +163,8 @@ impl<const N: usize> ArmController<N> {
             memory: has_memory.then(|| memory.unwrap_or_else(|| Memory::new(&settings.memory))),
             horizon: settings.prediction,
             previous,
+            sample_period_ns: scenario.timing.sample_period.as_nanos() as u64,
+            foreseen: None,
         }
     }
 
@@ -152,7 +177,7 @@ impl<const N: usize> ArmController<N> {
 }
 
 impl<const N: usize> Respond for ArmController<N> {
-    fn respond(&mut self, state: &StateSample) -> Result<(TorqueSample, ErrorSample), LawError> {
+    fn respond(&mut self, state: &StateSample, answered: &mut Answer) -> Result<(), LawError> {
         let header = state.header.answer();
         if header.joints as usize != N {
             return Err(LawError::Joints { expected: N, found: header.joints });
@@ -163,11 +188,12 @@ impl<const N: usize> Respond for ArmController<N> {
         }
         let q = SVector::from_fn(|i, _| state.position[i]);
         let q_dot = SVector::from_fn(|i, _| state.velocity[i]);
-        let time = header.time_ns as f64 * 1e-9;
+        let time = seconds(header.time_ns);
         let recollection = Recollection {
             previous: self.previous,
             horizon: prediction::horizon(self.horizon, state.latency_ns),
             force: self.memory.as_ref().and_then(|memory| memory.recall(state)),
+            foreseen: self.foreseen,
         };
         let answer = self.responder.respond(time, Posture::new(&q, &q_dot), &recollection);
         self.previous = answer.tip;
@@ -177,7 +203,7 @@ impl<const N: usize> Respond for ArmController<N> {
         if let Some(memory) = &mut self.memory {
             memory.store(state, &answer.remembered.force);
         }
-        let torque = TorqueSample {
+        answered.torque = TorqueSample {
             header,
             state_sent_ns: state.sent_ns,
             residence_ns: 0,
@@ -185,7 +211,7 @@ impl<const N: usize> Respond for ArmController<N> {
             torque: padded(answer.torque.as_slice()),
             force: padded(answer.remembered.force.as_slice()),
         };
-        let error = ErrorSample {
+        answered.error = ErrorSample {
             header,
             law: match self.responder.law {
                 Law::Tj(_) => 0,
@@ -197,7 +223,14 @@ impl<const N: usize> Respond for ArmController<N> {
             factor: padded(answer.remembered.factor.per_axis().as_slice()),
             memory: padded(answer.remembered.memory.as_slice()),
         };
-        Ok((torque, error))
+        Ok(())
+    }
+
+    fn foresee(&mut self, state: &StateSample) {
+        let next = seconds(state.header.time_ns.saturating_add(self.sample_period_ns));
+        let horizon = prediction::horizon(self.horizon, state.latency_ns);
+        let aim = horizon.map_or(next, |horizon| next + horizon);
+        self.foreseen = Some((aim, self.responder.trajectory.at(aim)));
     }
 
     fn remember(&mut self, torque: &TorqueSample) {
@@ -211,8 +244,14 @@ impl<const N: usize> Respond for ArmController<N> {
     }
 }
 
+/// A sampling instant, s since the run began.
+fn seconds(time_ns: u64) -> f64 {
+    time_ns as f64 * 1e-9
+}
+
 fn law_of(settings: &LawSettings) -> Law<f64> {
     let LawSettings { kind, kp, kd, factor, acceleration, .. } = settings;
     let of_error = Factor::new(factor.kind, factor.error, factor.error_rate);
-    Law::new(*kind, *kp, *kd, of_error, factor.ceiling, *acceleration)
+    let ceiling = (factor.ceiling != 1.0).then_some(factor.ceiling);
+    Law::new(*kind, *kp, *kd, of_error, ceiling, *acceleration)
 }

@@ -16,7 +16,8 @@ pub struct Memory {
     policy: MemoryPolicy,
     step_ns: u64,
     latched: SVector<f64, PLANE>,
-    latched_in_step: Option<u64>,
+    /// When the memory step ends in which that was computed, ns; 0 if that is not known.
+    step_ends_ns: u64,
     is_first: bool,
 }
 
@@ -27,7 +28,7 @@ impl Memory {
             policy: settings.policy,
             step_ns: settings.step.as_nanos() as u64,
             latched: SVector::zeros(),
-            latched_in_step: None,
+            step_ends_ns: 0,
             is_first: true,
         }
     }
@@ -35,7 +36,7 @@ impl Memory {
     /// Forgets everything: the next [`Memory::recall`] gives nothing.
     pub fn forget(&mut self) {
         self.latched = SVector::zeros();
-        self.latched_in_step = None;
+        self.step_ends_ns = 0;
         self.is_first = true;
     }
 
@@ -43,11 +44,7 @@ impl Memory {
     pub fn adopt(self, settings: &MemorySettings) -> Self {
         let adopted = Self { policy: settings.policy, ..self };
         let step_ns = settings.step.as_nanos() as u64;
-        if step_ns == self.step_ns {
-            adopted
-        } else {
-            Self { step_ns, latched_in_step: None, ..adopted }
-        }
+        if step_ns == self.step_ns { adopted } else { Self { step_ns, step_ends_ns: 0, ..adopted } }
     }
 
     /// The remembered task force at a sample, N; `None` at the first one.
@@ -80,9 +77,8 @@ impl Memory {
     #[inline(always)]
     pub fn store_at(&mut self, time_ns: u64, force: &SVector<f64, PLANE>) {
         self.is_first = false;
-        let step = time_ns / self.step_ns;
-        if self.latched_in_step != Some(step) {
-            self.latched_in_step = Some(step);
+        if time_ns >= self.step_ends_ns {
+            self.step_ends_ns = (time_ns - time_ns % self.step_ns).saturating_add(self.step_ns);
             self.latched = *force;
         }
     }

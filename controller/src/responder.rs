@@ -55,7 +55,7 @@ impl<T> Law<T> {
         kp: Gains<T, PLANE>,
         kd: Gains<T, PLANE>,
         factor: Factor<T, PLANE>,
-        ceiling: T,
+        ceiling: Option<T>,
         acceleration: bool,
     ) -> Self {
         let tj = TransposeJacobian { kp, kd };
@@ -78,6 +78,8 @@ pub struct Recollection<T> {
     pub horizon: Option<T>,
     /// The remembered task force, N; `None` at the first sample.
     pub force: Option<SVector<T, PLANE>>,
+    /// The desired motion at an instant that was foreseen, s.
+    pub foreseen: Option<(T, Motion<T, PLANE>)>,
 }
 
 /// An answer, and how the law saw the instant.
@@ -121,7 +123,10 @@ impl<T: Scalar, const N: usize> Responder<T, N> {
             None => tip,
             Some(horizon) => tip.ahead(horizon, &acceleration),
         };
-        let desired = self.trajectory.at(aim.time);
+        let desired = match recollection.foreseen {
+            Some((time, motion)) if time == aim.time => motion,
+            _ => self.trajectory.at(aim.time),
+        };
         let error = TrackingError {
             position: desired.position - aim.position,
             velocity: desired.velocity - aim.velocity,

@@ -10,7 +10,6 @@ use mtj_protocol::{
     bus::{Bus, BusError},
     member::Member,
     port::{self, ControllerPort, Heard},
-    sample::TorqueSample,
 };
 
 use crate::{Controller, LawError};
@@ -85,28 +84,28 @@ fn serve_run(
     while proceed() {
         match port.receive(Instant::now() + PATIENCE)? {
             Some(Heard::Misled) => return Ok(()),
-            Some(Heard::OtherRun(state)) if port.newer_scenario(bus, &state)?.is_some() => {
-                return Ok(());
-            }
-            None | Some(Heard::OtherRun(_)) => {}
-            Some(Heard::Again(state)) => {
-                if port.is_in_charge(&state) {
-                    port.send(&controller.answer_again(&state))?;
+            Some(Heard::OtherRun) if port.newer_scenario(bus)?.is_some() => return Ok(()),
+            None | Some(Heard::OtherRun) => {}
+            Some(Heard::Again) => {
+                let torque = controller.answer_again(port.state());
+                if port.is_in_charge() {
+                    port.send(torque)?;
                 }
-                port.tell(&state)?;
+                port.tell()?;
             }
-            Some(Heard::State(state)) => {
+            Some(Heard::State) => {
                 let received = Instant::now();
-                if let Some(changed) = port.newer_scenario(bus, &state)? {
+                if let Some(changed) = port.newer_scenario(bus)? {
                     controller.adopt(&changed.scenario);
                 }
-                let torque = controller.respond(&state)?;
-                let residence_ns = received.elapsed().as_nanos() as u64;
-                if port.is_in_charge(&state) {
-                    port.send(&TorqueSample { residence_ns, ..torque })?;
+                let torque = controller.respond(port.state())?;
+                if port.is_in_charge() {
+                    torque.residence_ns = received.elapsed().as_nanos() as u64;
+                    port.send(torque)?;
                     port.publish(controller.error())?;
                 }
-                port.tell(&state)?;
+                controller.foresee(port.state());
+                port.tell()?;
             }
         }
     }

@@ -107,6 +107,7 @@ fn assert_free(links: usize, law: &[&str]) {
         for state in &states {
             controller.respond(state).unwrap();
             controller.answer_again(state);
+            controller.foresee(state);
         }
     });
     assert_eq!(found, 0, "{links} links, {law:?}");

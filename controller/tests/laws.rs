@@ -40,7 +40,7 @@ fn gains_may_be_diagonal_or_full() {
     let state = states()[1];
     let respond = |kp: &str, kd: &str| {
         let sets = ["law.kind=tj", &format!("law.kp={kp}"), &format!("law.kd={kd}")];
-        controller(&sets).respond(&state).unwrap()
+        *controller(&sets).respond(&state).unwrap()
     };
     let (e, rate) = tracking_error(&state);
     let diagonal = respond("[30, 40]", "[60, 70]");
@@ -62,7 +62,7 @@ fn an_answer_says_what_it_answers() {
     let mut asked = states()[2];
     (asked.sent_ns, asked.header.run, asked.header.sequence) = (77, 5, 1234);
     let mut controller = controller(&[]);
-    let answer = controller.respond(&asked).unwrap();
+    let answer = *controller.respond(&asked).unwrap();
     assert_eq!((answer.header, answer.header.version), (asked.header, VERSION));
     assert_eq!(answer.state_sent_ns, 77);
     assert_eq!(controller.error().header, asked.header);
@@ -70,11 +70,29 @@ fn an_answer_says_what_it_answers() {
     assert_eq!((again.torque, again.state_sent_ns), (answer.torque, 99));
 }
 
+#[test]
+fn what_was_foreseen_changes_no_answer() {
+    for set in ["none", "3ms", "measured"] {
+        let set = format!("law.prediction.horizon={set}");
+        let (mut foreseeing, mut other) = (controller(&[&set]), controller(&[&set]));
+        // The next sample is mostly of the instant that was to be expected, and sometimes of another.
+        for (k, late) in
+            [0, 10, 20, 30, 41, 51, 61, 71, 71, 90].into_iter().zip([3, 3, 0, 5].repeat(3))
+        {
+            let state = StateSample { latency_ns: late * 1_000_000, ..swinging(k) };
+            let answer = *foreseeing.respond(&state).unwrap();
+            assert_eq!(answer, *other.respond(&state).unwrap(), "{set}, {k} ms");
+            assert_eq!(foreseeing.error(), other.error(), "{set}, {k} ms");
+            foreseeing.foresee(&state);
+        }
+    }
+}
+
 /// The second answer of mtj, the force of the first, and the second state's errors.
 fn second_answer(sets: &[&str]) -> (Controller, [f64; 6], Plane, Plane, Plane) {
     let mut controller = controller(sets);
-    let first = controller.respond(&swinging(0)).unwrap();
-    let second = controller.respond(&swinging(10)).unwrap();
+    let first = *controller.respond(&swinging(0)).unwrap();
+    let second = *controller.respond(&swinging(10)).unwrap();
     let (e, rate) = tracking_error(&swinging(10));
     (controller, second.force, [first.force[0], first.force[1]], e, rate)
 }
@@ -153,7 +171,7 @@ fn eq_11_adds_the_error_of_the_acceleration() {
         times(jacobian(q), v)
     };
     // No difference can be taken at the first sample: the tip counts as not accelerating.
-    let first = with.respond(&swinging(0)).unwrap();
+    let first = *with.respond(&swinging(0)).unwrap();
     let plain = without.respond(&swinging(0)).unwrap();
     let [_, _, wanted] = desired(0.0);
     assert_close(&first.force, mix(1.0, [plain.force[0], plain.force[1]], 1.0, wanted), "at first");
@@ -191,7 +209,7 @@ fn a_model_that_is_ten_percent_too_heavy_asks_for_ten_percent_more() {
     for state in states() {
         let respond = |scale: &str| {
             let scale = format!("law.model.mass_scale={scale}");
-            controller(&["law.kind=mb", &scale]).respond(&state).unwrap()
+            *controller(&["law.kind=mb", &scale]).respond(&state).unwrap()
         };
         let (exact, heavy) = (respond("1.0"), respond("1.1"));
         assert_close(&heavy.force, mix(1.1, [exact.force[0], exact.force[1]], 0.0, [0.0; 2]), "Q̂");
@@ -218,7 +236,7 @@ fn mb_at_a_singular_jacobian_is_an_error_and_no_number() {
         assert!(fine.torque.iter().all(|torque| torque.is_finite()), "and then it goes on");
     }
     for kind in ["law.kind=tj", "law.kind=mtj"] {
-        let answer = controller(&[kind]).respond(&state(2500, [0.3, 0.0], [1.0, 1.0])).unwrap();
+        let answer = *controller(&[kind]).respond(&state(2500, [0.3, 0.0], [1.0, 1.0])).unwrap();
         assert!(answer.torque.iter().all(|torque| torque.is_finite()), "{kind} needs no inverse");
     }
 }
@@ -252,7 +270,7 @@ fn a_redundant_arm_takes_the_transpose_of_its_jacobian() {
     let rate = mix(1.0, [0.0, 0.3], -1.0, speed);
     let force = mix(30.0, e, 60.0, rate);
     for kind in ["law.kind=tj", "law.kind=mtj"] {
-        let answer = Controller::new(&scenario("redundant/mtj", &[kind])).respond(&asked).unwrap();
+        let answer = *Controller::new(&scenario("redundant/mtj", &[kind])).respond(&asked).unwrap();
         assert_close(&answer.force, force, kind);
         for (j, found) in answer.torque[..3].iter().enumerate() {
             let expected = column(j)[0] * force[0] + column(j)[1] * force[1];
@@ -265,6 +283,6 @@ fn a_redundant_arm_takes_the_transpose_of_its_jacobian() {
 fn a_state_of_another_arm_is_an_error() {
     let mut asked = states()[0];
     asked.header.joints = 3;
-    let found = controller(&[]).respond(&asked);
+    let found = controller(&[]).respond(&asked).copied();
     assert_eq!(found, Err(LawError::Joints { expected: 2, found: 3 }));
 }

@@ -14,6 +14,7 @@ use mtj_protocol::{
 pub struct Direct<F> {
     respond: F,
     gate: Gate,
+    torque: TorqueSample,
     answer: Option<Answer>,
 }
 
@@ -24,7 +25,7 @@ where
 {
     /// An exchange with `respond` for one `run`.
     pub fn new(run: u64, respond: F) -> Self {
-        Self { respond, gate: Gate::new(run), answer: None }
+        Self { respond, gate: Gate::new(run), torque: TorqueSample::default(), answer: None }
     }
 }
 
@@ -33,12 +34,12 @@ where
     E: std::fmt::Display,
     F: FnMut(&StateSample) -> Result<TorqueSample, E>,
 {
-    fn send(&mut self, state: &StateSample) -> Result<(), BusError> {
-        let torque =
+    fn send(&mut self, state: &mut StateSample) -> Result<(), BusError> {
+        self.torque =
             (self.respond)(state).map_err(|error| BusError::Controller(error.to_string()))?;
-        self.answer = match self.gate.judge(&torque) {
-            Verdict::Fresh => Some(Answer::Torque(torque)),
-            Verdict::Refused(Fault::NotFinite) => Some(Answer::NotFinite(torque.header.sequence)),
+        self.answer = match self.gate.judge(&self.torque) {
+            Verdict::Fresh => Some(Answer::Torque),
+            Verdict::Refused(Fault::NotFinite) => Some(Answer::NotFinite),
             Verdict::Repeated | Verdict::Refused(_) => None,
         };
         Ok(())
@@ -46,6 +47,10 @@ where
 
     fn receive(&mut self, _until: Instant) -> Result<Option<Answer>, BusError> {
         Ok(self.answer.take())
+    }
+
+    fn torque(&self) -> &TorqueSample {
+        &self.torque
     }
 
     fn report(&mut self, _status: &StatusSample) -> Result<(), BusError> {

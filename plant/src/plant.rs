@@ -210,7 +210,7 @@ impl<'a> Plant<'a> {
     /// that answer in hand.
     fn meet_controller(&mut self) -> Result<(), BusError> {
         self.header.sequence = 0;
-        let state = self.measure(0);
+        let mut state = self.measure(0);
         self.agenda.push(nanoseconds(self.scenario.timing.sample_period), Event::Sample);
         if let Some(timeout) = self.scenario.safety.command_timeout {
             self.agenda.push(nanoseconds(timeout), Event::Timeout(0));
@@ -222,7 +222,7 @@ impl<'a> Plant<'a> {
         let started = Instant::now();
         let mut complained = false;
         let answer = loop {
-            if let Some(answer) = self.ask(&state, RENDEZVOUS)? {
+            if let Some(answer) = self.ask(&mut state, RENDEZVOUS)? {
                 break answer;
             }
             if !(self.proceed)() {
@@ -244,9 +244,10 @@ impl<'a> Plant<'a> {
             }
         };
         self.clock = Clock::start();
-        let Answer::Torque(answer) = answer else { return Ok(()) };
-        self.note_round_trip(&answer);
-        self.schedule(nanoseconds(there), answer);
+        if answer == Answer::Torque {
+            self.note_round_trip();
+            self.schedule(nanoseconds(there));
+        }
         Ok(())
     }
 
@@ -300,7 +301,7 @@ impl<'a> Plant<'a> {
 
     /// Hands a state to the controller, unless a newer one has overtaken it; in lockstep also waits
     /// for the answer.
-    fn deliver(&mut self, time_ns: u64, state: StateSample) -> Result<(), BusError> {
+    fn deliver(&mut self, time_ns: u64, mut state: StateSample) -> Result<(), BusError> {
         if self.delivered >= Some(state.header.sequence) {
             return Ok(());
         }
@@ -308,14 +309,14 @@ impl<'a> Plant<'a> {
         self.ledger.commands.sent += 1;
         if self.is_realtime() {
             self.ledger.ask(state.header.sequence);
-            let sent_ns = self.ledger.stopwatch.now_ns();
-            return self.exchange.send(&StateSample { sent_ns, ..state });
+            state.sent_ns = self.ledger.stopwatch.now_ns();
+            return self.exchange.send(&mut state);
         }
         loop {
-            if let Some(answer) = self.ask(&state, REPEAT)? {
-                if let Answer::Torque(answer) = answer {
-                    self.note_round_trip(&answer);
-                    self.schedule(time_ns, answer);
+            if let Some(answer) = self.ask(&mut state, REPEAT)? {
+                if answer == Answer::Torque {
+                    self.note_round_trip();
+                    self.schedule(time_ns);
                 }
                 return Ok(());
             }
@@ -327,15 +328,20 @@ impl<'a> Plant<'a> {
     }
 
     /// Sends a state and waits for the answer to it.
-    fn ask(&mut self, state: &StateSample, patience: Duration) -> Result<Option<Answer>, BusError> {
+    fn ask(
+        &mut self,
+        state: &mut StateSample,
+        patience: Duration,
+    ) -> Result<Option<Answer>, BusError> {
         if !self.watch.round_trips {
             self.exchange.send(state)?;
             return self.exchange.receive(self.clock.instant(0));
         }
-        self.exchange.send(&StateSample { sent_ns: self.ledger.stopwatch.now_ns(), ..*state })?;
+        state.sent_ns = self.ledger.stopwatch.now_ns();
+        self.exchange.send(state)?;
         let until = Instant::now() + patience;
         while let Some(answer) = self.exchange.receive(until)? {
-            if answer.sequence() == state.header.sequence {
+            if self.exchange.torque().header.sequence == state.header.sequence {
                 return Ok(Some(answer));
             }
         }
@@ -347,9 +353,9 @@ impl<'a> Plant<'a> {
         let until = self.clock.instant(time_ns);
         loop {
             let patience = until.min(Instant::now() + PATIENCE);
-            if let Some(Answer::Torque(answer)) = self.exchange.receive(patience)? {
-                self.note_answer(&answer);
-                self.schedule(self.clock.now_ns(), answer);
+            if self.exchange.receive(patience)? == Some(Answer::Torque) {
+                self.note_answer();
+                self.schedule(self.clock.now_ns());
                 return Ok(true);
             }
             if !(self.proceed)() {
@@ -362,10 +368,11 @@ impl<'a> Plant<'a> {
         }
     }
 
-    /// Puts an answer that came at `time_ns` on the torque link.
-    pub(crate) fn schedule(&mut self, time_ns: u64, answer: TorqueSample) {
+    /// Puts the answer that came at `time_ns` on the torque link.
+    pub(crate) fn schedule(&mut self, time_ns: u64) {
         if let Some(transit) = self.torque_link.transit() {
-            self.agenda.push(time_ns + nanoseconds(transit), Event::Arrive(answer));
+            let command = Event::Arrive(*self.exchange.torque());
+            self.agenda.push(time_ns + nanoseconds(transit), command);
         } else {
             self.ledger.commands.lost += 1;
         }
@@ -388,16 +395,17 @@ impl<'a> Plant<'a> {
         }
     }
 
-    fn note_round_trip(&mut self, answer: &TorqueSample) {
+    fn note_round_trip(&mut self) {
         if self.watch.round_trips {
-            self.ledger.note_round_trip(answer);
+            self.ledger.note_round_trip(self.exchange.torque());
         }
     }
 
     /// In real time: books an answer.
-    pub(crate) fn note_answer(&mut self, answer: &TorqueSample) {
-        self.note_round_trip(answer);
-        self.ledger.answer(answer.header.sequence, self.scenario.timing.sample_period);
+    pub(crate) fn note_answer(&mut self) {
+        self.note_round_trip();
+        let answered = self.exchange.torque().header.sequence;
+        self.ledger.answer(answered, self.scenario.timing.sample_period);
     }
 
     pub(crate) fn report_status(&mut self, phase: u64) -> Result<(), BusError> {

@@ -102,11 +102,11 @@ impl Plant<'_> {
         let paused = Instant::now();
         while self.knobs.is_paused && !self.knobs.is_reset {
             // What is still under way to us was asked for before.
-            if let Some(Answer::Torque(answer)) = self.exchange.receive(Instant::now() + GLANCE)?
+            if self.exchange.receive(Instant::now() + GLANCE)? == Some(Answer::Torque)
                 && self.is_realtime()
             {
-                self.note_answer(&answer);
-                self.schedule(time_ns, answer);
+                self.note_answer();
+                self.schedule(time_ns);
             }
             if !(self.proceed)() {
                 self.stopped = true;

@@ -29,12 +29,15 @@ struct Wishing<E> {
 }
 
 impl<E: Exchange> Exchange for Wishing<E> {
-    fn send(&mut self, state: &StateSample) -> Result<(), BusError> {
+    fn send(&mut self, state: &mut StateSample) -> Result<(), BusError> {
         self.states.push(*state);
         self.inner.send(state)
     }
     fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
         self.inner.receive(until)
+    }
+    fn torque(&self) -> &TorqueSample {
+        self.inner.torque()
     }
     fn report(&mut self, status: &StatusSample) -> Result<(), BusError> {
         self.phases.push(status.phase);

@@ -80,16 +80,26 @@ pub trait Writer<S> {
     }
 }
 
-/// The reading end of a topic.
+/// The reading end of a topic: goes from sample to sample, and lends the one that is at hand, because to move samples
+/// of some hundred bytes from call to call takes as long as what is done with them.
 pub trait Reader<S> {
-    /// The next sample, if there is one.
-    fn take(&mut self) -> Result<Option<S>, BusError>;
+    /// Goes on to the next sample, if there is one.
+    fn advance(&mut self) -> Result<bool, BusError>;
+    /// The sample at hand: the one that was gone on to last.
+    fn sample(&self) -> &S;
+    /// The next sample, if there is one, to be kept.
+    fn take(&mut self) -> Result<Option<S>, BusError>
+    where
+        S: Copy,
+    {
+        Ok(if self.advance()? { Some(*self.sample()) } else { None })
+    }
     /// Sleeps until there may be a sample, or until `until`.
     fn sleep(&mut self, until: Instant) -> Result<(), BusError>;
-    /// Looks for the next sample for a moment, a microsecond or so, and not everywhere every time. A transport
-    /// whose own threads need a core to bring it yields that.
-    fn spin(&mut self) -> Result<Option<S>, BusError>;
-    /// From now on looks first for what the writer of the sample taken last has [expedited](Writer::expedite),
+    /// Looks for the next sample for a moment, a microsecond or so, and not everywhere every time, and goes on to it.
+    /// A transport whose own threads need a core to bring it yields that.
+    fn spin(&mut self) -> Result<bool, BusError>;
+    /// From now on looks first for what the writer of the sample at hand has [expedited](Writer::expedite),
     /// of which only the newest counts. May take a millisecond when that writer is another one than before.
     fn follow(&mut self) -> Result<(), BusError> {
         Ok(())
@@ -112,25 +122,25 @@ pub trait Offering {
     fn serve(&mut self) -> Result<(), BusError>;
 }
 
-/// Waits for the next sample until `until`, in the given manner.
+/// Goes on to the next sample, waiting for it until `until`, in the given manner.
 pub fn receive<S>(
     reader: &mut dyn Reader<S>,
     wait: Wait,
     until: Instant,
-) -> Result<Option<S>, BusError> {
+) -> Result<bool, BusError> {
     let mut tired = None;
     loop {
         let found = match wait {
-            Wait::Block => reader.take()?,
+            Wait::Block => reader.advance()?,
             Wait::Spin | Wait::Hybrid(_) => reader.spin()?,
         };
-        if found.is_some() {
-            return Ok(found);
+        if found {
+            return Ok(true);
         }
         let now = Instant::now();
         if now >= until {
             // Whoever spins may not have looked everywhere.
-            return reader.take();
+            return reader.advance();
         }
         match wait {
             Wait::Spin => {}

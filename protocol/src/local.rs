@@ -52,7 +52,7 @@ impl Bus for LocalBus {
         let mut readers = lock(&topic);
         readers.retain(|reader| reader.strong_count() > 0);
         readers.push(Arc::downgrade(&mailbox));
-        Ok(Box::new(MailboxReader { mailbox, keep: () }))
+        Ok(Box::new(MailboxReader::new(mailbox, ())))
     }
 
     fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {

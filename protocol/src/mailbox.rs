@@ -61,16 +61,30 @@ impl<S> Mailbox<S> {
 
 /// The reading end of a mailbox, with whatever keeps the writing end alive.
 pub struct MailboxReader<S, K> {
-    /// Where samples arrive.
-    pub mailbox: Arc<Mailbox<S>>,
+    mailbox: Arc<Mailbox<S>>,
+    /// The one at hand.
+    sample: S,
     /// Dropped with the reader: a subscription, or nothing.
     #[expect(dead_code, reason = "held for its destructor")]
-    pub keep: K,
+    keep: K,
+}
+
+impl<S: Sample, K> MailboxReader<S, K> {
+    /// The reading end of `mailbox`.
+    pub fn new(mailbox: Arc<Mailbox<S>>, keep: K) -> Self {
+        Self { mailbox, sample: S::default(), keep }
+    }
 }
 
 impl<S: Sample, K> Reader<S> for MailboxReader<S, K> {
-    fn take(&mut self) -> Result<Option<S>, BusError> {
-        Ok(self.mailbox.lock().queue.pop_front())
+    fn advance(&mut self) -> Result<bool, BusError> {
+        let Some(sample) = self.mailbox.lock().queue.pop_front() else { return Ok(false) };
+        self.sample = sample;
+        Ok(true)
+    }
+
+    fn sample(&self) -> &S {
+        &self.sample
     }
 
     fn sleep(&mut self, until: Instant) -> Result<(), BusError> {
@@ -82,9 +96,9 @@ impl<S: Sample, K> Reader<S> for MailboxReader<S, K> {
         Ok(())
     }
 
-    fn spin(&mut self) -> Result<Option<S>, BusError> {
-        let found = self.take()?;
-        if found.is_none() {
+    fn spin(&mut self) -> Result<bool, BusError> {
+        let found = self.advance()?;
+        if !found {
             std::thread::yield_now();
         }
         Ok(found)

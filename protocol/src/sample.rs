@@ -54,8 +54,8 @@ pub trait Sample:
 
     /// What every sample begins with.
     fn header(&self) -> &Header;
-    /// The sample's vectors, which must all be finite.
-    fn vectors(&self) -> impl Iterator<Item = &[f64]>;
+    /// Whether all numbers of the sample's vectors are finite.
+    fn is_finite(&self) -> bool;
     /// Shows what follows the header, field by field, with lists only as long as they are meant:
     /// for records in formats that describe themselves.
     fn fields(&self, show: &mut dyn FnMut(&'static str, Field<'_>));
@@ -345,8 +345,10 @@ macro_rules! implement_sample {
             fn header(&self) -> &Header {
                 &self.header
             }
-            fn vectors(&self) -> impl Iterator<Item = &[f64]> {
-                [$(self.$field.as_slice()),*].into_iter()
+            #[inline]
+            fn is_finite(&self) -> bool {
+                // Without a way out in the middle, so that the compiler may look at several at once.
+                true $(& self.$field.iter().fold(true, |all, x| all & x.is_finite()))*
             }
             fn fields(&self, show: &mut dyn FnMut(&'static str, Field<'_>)) {
                 self.show_fields(show);

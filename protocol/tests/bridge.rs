@@ -40,7 +40,7 @@ fn what_the_plant_says_is_heard_beyond_with_the_scenario_before_it() {
     let mut bridge = Bridge::open(&near, &far, false).unwrap();
     let mut monitor = MonitorPort::open(&far).unwrap();
     let (mut plant, scenario) = plant_on(&near);
-    plant.send(&state(0)).unwrap();
+    plant.send(&mut state(0)).unwrap();
     plant.announce(&ChangeSample { header: header(0), ..Default::default() }).unwrap();
     plant.report(&StatusSample { header: header(0), ..Default::default() }).unwrap();
     bridge.carry().unwrap();
@@ -58,7 +58,7 @@ fn what_the_plant_says_is_heard_beyond_with_the_scenario_before_it() {
     plant.renew(&scenario.changed(&[set]).unwrap(), 1).unwrap();
     let mut changed = state(1);
     changed.header.revision = 1;
-    plant.send(&changed).unwrap();
+    plant.send(&mut changed).unwrap();
     bridge.carry().unwrap();
     let offered = fetch_scenario(&far, &|| true).unwrap().unwrap();
     assert_eq!((offered.revision, offered.scenario.law.kind.name()), (1, "tj"));

@@ -33,7 +33,7 @@ fn state(sequence: u64) -> StateSample {
 
 fn next(reader: &mut dyn Reader<StateSample>) -> Option<u64> {
     let soon = Instant::now() + Duration::from_secs(10);
-    receive(reader, Wait::Spin, soon).unwrap().map(|state| state.header.sequence)
+    receive(reader, Wait::Spin, soon).unwrap().then(|| reader.sample().header.sequence)
 }
 
 #[test]

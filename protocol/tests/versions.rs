@@ -28,8 +28,8 @@ impl Sample for OtherState {
     fn header(&self) -> &Header {
         &self.header
     }
-    fn vectors(&self) -> impl Iterator<Item = &[f64]> {
-        std::iter::empty()
+    fn is_finite(&self) -> bool {
+        true
     }
     fn fields(&self, _show: &mut dyn FnMut(&'static str, Field<'_>)) {}
     fn header_mut(&mut self) -> &mut Header {

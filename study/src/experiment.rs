@@ -35,7 +35,7 @@ pub fn run_direct(
     proceed: &dyn Fn() -> bool,
 ) -> Result<Outcome, BusError> {
     let mut controller = Controller::new(scenario);
-    let mut exchange = Direct::new(0, |state: &_| controller.respond(state));
+    let mut exchange = Direct::new(0, |state: &_| controller.respond(state).copied());
     plant::run(scenario, 0, &mut exchange, Watch { trace, round_trips: false }, proceed)
 }
 

@@ -31,17 +31,15 @@ pub enum Factor<T, const M: usize> {
     },
 }
 
-/// A regulating factor: one number, or one for each axis.
+/// A regulating factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Regulation<T, const M: usize> {
     /// Use none of the memory: k = 0, plain tj.
     Nothing,
     /// k of one or zero: use the memory as it is, or none of it, without a multiplication.
     Switch(T),
-    /// k.
-    Scalar(T),
-    /// The diagonal of K.
-    Diagonal(SVector<T, M>),
+    /// k on each axis: the diagonal of K.
+    Each(SVector<T, M>),
 }
 
 impl<T: Scalar, const M: usize> Factor<T, M> {
@@ -66,10 +64,10 @@ impl<T: Scalar, const M: usize> Factor<T, M> {
             }
             Self::Exponential { error, error_rate } => {
                 let (size, rate) = (matrix::norm(&e.position), matrix::norm(&e.velocity));
-                Regulation::Scalar((-(size / *error + rate / *error_rate)).exp())
+                Regulation::Each(SVector::repeat((-(size / *error + rate / *error_rate)).exp()))
             }
             Self::Diagonal { error, error_rate } => {
-                Regulation::Diagonal(T::exp_each(&SVector::from_fn(|i, _| {
+                Regulation::Each(T::exp_each(&SVector::from_fn(|i, _| {
                     -(e.position[i].abs() / error[i] + e.velocity[i].abs() / error_rate[i])
                 })))
             }
@@ -84,8 +82,7 @@ impl<T: Scalar, const M: usize> Regulation<T, M> {
         match self {
             Self::Nothing => SVector::zeros(),
             Self::Switch(k) => memory.map(|entry| T::zero().where_below(*k, entry, T::zero())),
-            Self::Scalar(k) => memory * *k,
-            Self::Diagonal(k) => k.component_mul(memory),
+            Self::Each(k) => k.component_mul(memory),
         }
     }
 
@@ -93,10 +90,9 @@ impl<T: Scalar, const M: usize> Regulation<T, M> {
     #[inline(always)]
     pub fn under(self, ceiling: T) -> Self {
         match self {
-            _ if ceiling == T::one() => self,
             Self::Nothing => self,
-            Self::Switch(k) | Self::Scalar(k) => Self::Scalar(k * ceiling),
-            Self::Diagonal(k) => Self::Diagonal(k * ceiling),
+            Self::Switch(k) => Self::Each(SVector::repeat(k * ceiling)),
+            Self::Each(k) => Self::Each(k * ceiling),
         }
     }
 
@@ -105,8 +101,8 @@ impl<T: Scalar, const M: usize> Regulation<T, M> {
     pub fn per_axis(&self) -> SVector<T, M> {
         match self {
             Self::Nothing => SVector::zeros(),
-            Self::Switch(k) | Self::Scalar(k) => SVector::repeat(*k),
-            Self::Diagonal(k) => *k,
+            Self::Switch(k) => SVector::repeat(*k),
+            Self::Each(k) => *k,
         }
     }
 }

@@ -15,8 +15,8 @@ pub struct ModifiedTransposeJacobian<T, const M: usize> {
     pub tj: TransposeJacobian<T, M>,
     /// How much of the memory to trust.
     pub factor: Factor<T, M>,
-    /// The most of it to trust; one in the paper.
-    pub ceiling: T,
+    /// The most of it to trust, if that is not all, as it is in the paper.
+    pub ceiling: Option<T>,
 }
 
 /// A task force and what the memory had to do with it.
@@ -48,7 +48,8 @@ impl<T: Scalar, const M: usize> ModifiedTransposeJacobian<T, M> {
         let Some(remembered) = remembered else {
             return Remembered { force, memory: SVector::zeros(), factor: Regulation::Nothing };
         };
-        let factor = self.factor.regulate(error).under(self.ceiling);
+        let factor = self.factor.regulate(error);
+        let factor = self.ceiling.map_or(factor, |ceiling| factor.under(ceiling));
         let memory = factor.times(remembered);
         Remembered { force: force + memory, memory, factor }
     }

@@ -47,7 +47,7 @@ use crate::{
         Shared, Writer,
     },
     member::Member,
-    sample::{Header, Sample},
+    sample::Sample,
 };
 
 /// How many processes may read a topic, monitors included.
@@ -210,7 +210,8 @@ impl Bus for Iceoryx2Bus {
         let listens = depth != Depth::Stream && wait != Wait::Spin;
         Ok(Box::new(Iceoryx2Reader {
             end: self.place.make(S::TOPIC, || self.place.read_end::<S>(buffer, listens))?,
-            last: None,
+            streamed: S::default(),
+            writer: None,
             followed: None,
             slot: None,
             spins: 0,
@@ -296,7 +297,7 @@ impl<S: Sample> WriteEnd<S> {
 impl<S: Sample> Writer<S> for Iceoryx2Writer<S> {
     fn write(&mut self, sample: &S) -> Result<(), BusError> {
         self.settle()?;
-        if let Some(slot) = &self.end.slot {
+        if let Some(slot) = &mut self.end.slot {
             slot.write(sample);
         }
         self.end.publish(sample)?;
@@ -305,21 +306,24 @@ impl<S: Sample> Writer<S> for Iceoryx2Writer<S> {
     }
 
     fn expedite(&mut self, sample: &S) -> Result<(), BusError> {
-        match &self.end.slot {
-            // Whoever sleeps may not follow us yet, and is woken but once.
-            Some(slot) if !self.end.has_sleepers() => slot.write(sample),
-            _ => return self.write(sample),
-        }
+        let Some(slot) = &mut self.end.slot else { return self.write(sample) };
+        slot.write(sample);
         self.settle()?;
         self.expedited = Some(*sample);
+        if self.end.has_sleepers() {
+            // Whoever sleeps may not follow us yet, and is woken but once.
+            self.settle()?;
+            self.end.wake();
+        }
         Ok(())
     }
 
     fn settle(&mut self) -> Result<(), BusError> {
-        match self.expedited.take() {
-            Some(sample) => self.end.publish(&sample),
-            None => Ok(()),
+        let Some(sample) = self.expedited.take() else { return Ok(()) };
+        if let Some(slot) = &mut self.end.slot {
+            slot.prepare(&sample);
         }
+        self.end.publish(&sample)
     }
 }
 
@@ -330,8 +334,9 @@ struct ReadEnd<S: Sample> {
 
 struct Iceoryx2Reader<S: Sample> {
     end: Indoors<ReadEnd<S>>,
-    /// Who wrote what was taken last from the stream, and what that was.
-    last: Option<(UniquePublisherId, Header)>,
+    /// What came last by the stream, and who wrote it if that is the sample at hand.
+    streamed: S,
+    writer: Option<UniquePublisherId>,
     followed: Option<UniquePublisherId>,
     /// Of the writer that is followed, if it has one.
     slot: Option<Indoors<SlotReader<S>>>,
@@ -340,41 +345,49 @@ struct Iceoryx2Reader<S: Sample> {
 }
 
 impl<S: Sample> Iceoryx2Reader<S> {
-    /// The next sample of the stream that did not come by the slot.
-    fn take_from_stream(&mut self) -> Result<Option<S>, BusError> {
+    /// Goes on to the next sample of the stream that did not come by the slot.
+    fn advance_in_stream(&mut self) -> Result<bool, BusError> {
         for _ in 0..RECENT_DEPTH {
             let found = self.end.subscriber.receive().map_err(failure(S::TOPIC))?;
             let Some(sample) = found else { break };
             let writer = sample.header().publisher_id();
             if self.slot.is_none() || self.followed != Some(writer) {
-                self.last = Some((writer, *sample.payload().header()));
-                return Ok(Some(*sample.payload()));
+                self.writer = Some(writer);
+                self.streamed = *sample.payload();
+                return Ok(true);
             }
         }
-        Ok(None)
+        Ok(false)
     }
 }
 
 impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
-    fn take(&mut self) -> Result<Option<S>, BusError> {
-        if let Some(sample) = self.slot.as_mut().and_then(|slot| slot.take()) {
-            self.last = None;
-            return Ok(Some(sample));
+    fn advance(&mut self) -> Result<bool, BusError> {
+        if self.slot.as_mut().is_some_and(|slot| slot.advance()) {
+            self.writer = None;
+            return Ok(true);
         }
-        self.take_from_stream()
+        self.advance_in_stream()
     }
 
-    fn spin(&mut self) -> Result<Option<S>, BusError> {
-        let Some(slot) = &self.slot else { return self.take() };
+    fn sample(&self) -> &S {
+        match &self.slot {
+            Some(slot) if self.writer.is_none() => slot.sample(),
+            _ => &self.streamed,
+        }
+    }
+
+    fn spin(&mut self) -> Result<bool, BusError> {
+        let Some(slot) = &self.slot else { return self.advance() };
         for _ in 0..LOOKS {
             if slot.has_news() {
-                return self.take();
+                return self.advance();
             }
             std::hint::spin_loop();
         }
         // To look there takes as long as all of the above, and what closes the loop does not come from there.
         self.spins = self.spins.wrapping_add(1);
-        if self.spins.is_multiple_of(LOOKS) { self.take() } else { Ok(None) }
+        if self.spins.is_multiple_of(LOOKS) { self.advance() } else { Ok(false) }
     }
 
     fn sleep(&mut self, until: Instant) -> Result<(), BusError> {
@@ -392,14 +405,14 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
 
     fn follow(&mut self) -> Result<(), BusError> {
         // What came by the slot leaves nothing to be done.
-        let Some((writer, known)) = self.last else { return Ok(()) };
+        let Some(writer) = self.writer else { return Ok(()) };
         if self.followed == Some(writer) {
             return Ok(());
         }
-        let place = &self.place;
+        let (place, known) = (&self.place, self.streamed.header());
         let open = || {
             let name = place.slot_name::<S>(writer)?;
-            SlotReader::open(&place.node, &name, &known)
+            SlotReader::open(&place.node, &name, known)
         };
         // A writer that has none, or has gone, is heard through the stream; so is one for as long as somebody else
         // is at the door.

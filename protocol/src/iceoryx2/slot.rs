@@ -7,7 +7,7 @@
 use iceoryx2::{
     port::{
         reader::{BlackboardValue, EntryHandle},
-        writer::EntryHandleMut,
+        writer::{EntryHandleMut, EntryValueUninit},
     },
     prelude::{Node, ServiceName, ipc},
 };
@@ -18,8 +18,14 @@ use crate::sample::{Header, Sample};
 /// A slot has one entry.
 const ENTRY: u8 = 0;
 
-/// The writing end.
-pub struct SlotWriter<S: Sample>(EntryHandleMut<ipc::Service, u8, S>);
+/// The writing end. Its entry is missing only while it becomes the other thing.
+pub struct SlotWriter<S: Sample>(Option<Entry<S>>);
+
+enum Entry<S: Sample> {
+    AsItIs(EntryHandleMut<ipc::Service, u8, S>),
+    /// Its next value was asked for, and where that lies is known.
+    Prepared(EntryValueUninit<ipc::Service, u8, S>),
+}
 
 impl<S: Sample> SlotWriter<S> {
     /// Makes the slot of this name. Only inside.
@@ -31,12 +37,32 @@ impl<S: Sample> SlotWriter<S> {
             .max_nodes(MAX_NODES)
             .add_with_default::<S>(ENTRY)
             .create()?;
-        Ok(Self(service.writer_builder().create()?.entry(&ENTRY)?))
+        Ok(Self(Some(Entry::AsItIs(service.writer_builder().create()?.entry(&ENTRY)?))))
     }
 
     /// Makes a sample visible.
-    pub fn write(&self, sample: &S) {
-        self.0.update_with_copy(*sample);
+    pub fn write(&mut self, sample: &S) {
+        self.0 = self.0.take().map(|entry| match entry {
+            Entry::Prepared(value) => Entry::AsItIs(value.update_with_copy(*sample)),
+            Entry::AsItIs(entry) => {
+                entry.update_with_copy(*sample);
+                Entry::AsItIs(entry)
+            }
+        });
+    }
+
+    /// Makes ready for the next sample, while nobody waits for it. An entry has room for two values, which are
+    /// written in turns. Where the next one goes, only a counter says that was last in a reader's cache; and there
+    /// its memory is too, since the sample before the last. Any sample written there fetches it.
+    pub fn prepare(&mut self, any: &S) {
+        self.0 = self.0.take().map(|entry| match entry {
+            Entry::AsItIs(entry) => {
+                let mut value = entry.loan_uninit();
+                value.value_mut().write(*any);
+                Entry::Prepared(value)
+            }
+            prepared => prepared,
+        });
     }
 }
 
@@ -68,18 +94,23 @@ impl<S: Sample> SlotReader<S> {
         self.is_fresh || !self.entry.is_up_to_date(&self.last)
     }
 
-    /// The newest sample, if it was not taken yet.
-    pub fn take(&mut self) -> Option<S> {
+    /// Goes on to the newest sample, if that was not taken yet.
+    pub fn advance(&mut self) -> bool {
         if !self.has_news() {
-            return None;
+            return false;
         }
         self.is_fresh = false;
         loop {
             self.last = self.entry.get();
             // What was written while we read may be what we have read, and would look new once more.
             if self.entry.is_up_to_date(&self.last) {
-                return Some(*self.last);
+                return true;
             }
         }
+    }
+
+    /// The sample that was gone on to last.
+    pub fn sample(&self) -> &S {
+        &self.last
     }
 }

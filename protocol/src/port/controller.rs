@@ -19,14 +19,15 @@ const STALE: u32 = 10;
 /// its old run, and what others say beside it is not for us.
 const QUIET: Duration = Duration::from_millis(20);
 
-/// What a controller hears.
+/// What a controller hears: what there is to do about the [state at hand](ControllerPort::state).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Heard {
     /// A state to answer.
-    State(StateSample),
+    State,
     /// The state it has answered already, once more: the plant wants that answer again.
-    Again(StateSample),
+    Again,
     /// A state of another run, when none of our own came for a while: the plant may have been restarted.
-    OtherRun(StateSample),
+    OtherRun,
     /// States of our plant that are older than one that was none of its: time to begin anew.
     Misled,
 }
@@ -37,6 +38,8 @@ pub struct ControllerPort {
     torques: Box<dyn Writer<TorqueSample>>,
     errors: Box<dyn Writer<ErrorSample>>,
     presence: Presence,
+    /// The state at hand, if others came after it that say nothing beside it.
+    kept: Option<StateSample>,
     newest: Option<Header>,
     /// When a state of our run was dealt with last.
     heard: Instant,
@@ -61,6 +64,7 @@ impl ControllerPort {
             torques: bus.writer()?,
             errors: bus.writer()?,
             presence: Presence::open(bus, member)?,
+            kept: None,
             newest: None,
             heard: Instant::now(),
             wait,
@@ -72,22 +76,33 @@ impl ControllerPort {
         })
     }
 
-    /// The newest acceptable state, waiting for one until `until`.
+    /// Goes on to the newest acceptable state, waiting for one until `until`.
     pub fn receive(&mut self, until: Instant) -> Result<Option<Heard>, BusError> {
-        while let Some(state) = bus::receive(&mut *self.states, self.wait, until)? {
-            let mut heard = self.judge(state);
+        while bus::receive(&mut *self.states, self.wait, until)? {
+            self.kept = None;
+            let mut heard = self.judge();
             // At most as many as can wait: whoever writes faster must not hold us for ever.
             for _ in 0..bus::RECENT_DEPTH {
                 if !self.states.has_more() {
                     break;
                 }
-                let Some(state) = self.states.take()? else { break };
-                heard = match (self.judge(state), heard) {
+                let before = *self.state();
+                if !self.states.advance()? {
+                    break;
+                }
+                heard = match (self.judge(), heard) {
                     // Somebody else's says nothing beside one of our plant's.
-                    (None | Some(Heard::OtherRun(_)), Some(heard)) => Some(heard),
-                    // What was not answered is not repeated.
-                    (Some(Heard::Again(state)), Some(Heard::State(_))) => Some(Heard::State(state)),
-                    (newer, _) => newer,
+                    (None | Some(Heard::OtherRun), Some(heard)) => {
+                        self.kept = Some(before);
+                        Some(heard)
+                    }
+                    (newer, heard) => {
+                        self.kept = None;
+                        // What was not answered is not repeated.
+                        let is_unanswered =
+                            (newer, heard) == (Some(Heard::Again), Some(Heard::State));
+                        if is_unanswered { heard } else { newer }
+                    }
                 };
             }
             match heard {
@@ -103,17 +118,16 @@ impl ControllerPort {
         Ok(None)
     }
 
-    fn judge(&mut self, state: StateSample) -> Option<Heard> {
-        match self.gate.judge(&state) {
+    fn judge(&mut self) -> Option<Heard> {
+        let state = self.states.sample();
+        match self.gate.judge(state) {
             Verdict::Fresh => {
                 self.newest = Some(state.header);
                 self.stale = 0;
-                Some(Heard::State(state))
+                Some(Heard::State)
             }
-            Verdict::Repeated => Some(Heard::Again(state)),
-            Verdict::Refused(Fault::Run) if self.heard.elapsed() > QUIET => {
-                Some(Heard::OtherRun(state))
-            }
+            Verdict::Repeated => Some(Heard::Again),
+            Verdict::Refused(Fault::Run) if self.heard.elapsed() > QUIET => Some(Heard::OtherRun),
             Verdict::Refused(fault) => {
                 self.complaints.once::<StateSample>(fault);
                 self.stale += u32::from(fault == Fault::Stale);
@@ -122,24 +136,27 @@ impl ControllerPort {
         }
     }
 
-    /// The scenario, if it was changed before `state` was measured and we have not got it yet. If it
+    /// The state at hand: what was heard last.
+    pub fn state(&self) -> &StateSample {
+        self.kept.as_ref().unwrap_or_else(|| self.states.sample())
+    }
+
+    /// The scenario, if it was changed before the state at hand was measured and we have not got it yet. If it
     /// cannot be had now, it will be asked for again a little later.
-    pub fn newer_scenario(
-        &mut self,
-        bus: &impl Bus,
-        state: &StateSample,
-    ) -> Result<Option<Offered>, BusError> {
-        self.scenario.follow(bus, &state.header)
+    pub fn newer_scenario(&mut self, bus: &impl Bus) -> Result<Option<Offered>, BusError> {
+        let header = self.state().header;
+        self.scenario.follow(bus, &header)
     }
 
-    /// Whether we are to answer a state, rather than another controller we stand by for.
-    pub fn is_in_charge(&self, state: &StateSample) -> bool {
-        state.leader == self.id
+    /// Whether we are to answer the state at hand, rather than another controller we stand by for.
+    pub fn is_in_charge(&self) -> bool {
+        self.state().leader == self.id
     }
 
-    /// Answers a state.
-    pub fn send(&mut self, torque: &TorqueSample) -> Result<(), BusError> {
-        self.torques.expedite(&TorqueSample { controller: self.id, ..*torque })
+    /// Answers a state, with our number filled in.
+    pub fn send(&mut self, torque: &mut TorqueSample) -> Result<(), BusError> {
+        torque.controller = self.id;
+        self.torques.expedite(torque)
     }
 
     /// Tells monitors how the law saw the instant. Off the critical path: after [`Self::send`].
@@ -149,12 +166,13 @@ impl ControllerPort {
 
     /// Tells everybody what we sent, and that we are there. Off the critical path too; to be called after
     /// each state.
-    pub fn tell(&mut self, state: &StateSample) -> Result<(), BusError> {
+    pub fn tell(&mut self) -> Result<(), BusError> {
         // Here rather than where it was heard: to read a clock takes a good part of what a law takes.
         self.heard = Instant::now();
         self.torques.settle()?;
         self.states.follow()?;
-        self.presence.tell(&state.header)
+        let header = self.state().header;
+        self.presence.tell(&header)
     }
 
     /// State samples that were not acceptable, so far.

@@ -29,10 +29,12 @@ use crate::{
 
 /// The two-way exchange that closes the loop, as the plant sees it.
 pub trait Exchange {
-    /// Hands a state to the controller.
-    fn send(&mut self, state: &StateSample) -> Result<(), BusError>;
-    /// The controller's next answer, waiting for it until `until`.
+    /// Hands a state to the controller, with who is in charge filled in.
+    fn send(&mut self, state: &mut StateSample) -> Result<(), BusError>;
+    /// Goes on to the controller's next answer, waiting for it until `until`.
     fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError>;
+    /// The answer that was gone on to last.
+    fn torque(&self) -> &TorqueSample;
     /// Tells monitors how the run goes.
     fn report(&mut self, status: &StatusSample) -> Result<(), BusError>;
     /// Torque samples that were not acceptable, so far.
@@ -55,23 +57,13 @@ pub trait Exchange {
     }
 }
 
-/// A controller's answer to a state.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What a controller's answer to a state is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
     /// A torque that may act on the arm.
-    Torque(TorqueSample),
-    /// A torque for this sequence number that must not, because it is not finite.
-    NotFinite(u64),
-}
-
-impl Answer {
-    /// Of the state that was answered.
-    pub fn sequence(&self) -> u64 {
-        match self {
-            Self::Torque(torque) => torque.header.sequence,
-            Self::NotFinite(sequence) => *sequence,
-        }
-    }
+    Torque,
+    /// A torque that must not, because it is not finite.
+    NotFinite,
 }
 
 /// Says what is wrong with the samples of others, once for each kind of fault.

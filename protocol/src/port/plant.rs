@@ -60,7 +60,8 @@ impl PlantPort {
     }
 
     /// Whether a torque may pass: the gate knows samples, we know what was asked, and whom.
-    fn judge(&mut self, torque: &TorqueSample) -> Verdict {
+    fn judge(&mut self) -> Verdict {
+        let torque = self.torques.sample();
         let (asked, lease) = (self.asked.state.header.sequence, &self.lease);
         let verdict = self.gate.judge_if(torque, |torque| match torque.header.sequence > asked {
             true => Some(Fault::Unasked),
@@ -84,16 +85,16 @@ impl PlantPort {
         verdict
     }
 
-    /// The next answer that may pass, waiting for it until `until`.
+    /// Goes on to the next answer that may pass, waiting for it until `until`.
     fn listen(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
-        while let Some(torque) = bus::receive(&mut *self.torques, self.wait, until)? {
-            match self.judge(&torque) {
-                Verdict::Fresh => return Ok(Some(Answer::Torque(torque))),
+        while bus::receive(&mut *self.torques, self.wait, until)? {
+            match self.judge() {
+                Verdict::Fresh => return Ok(Some(Answer::Torque)),
                 Verdict::Repeated => {}
                 Verdict::Refused(fault) => {
                     self.complaints.once::<TorqueSample>(fault);
                     if fault == Fault::NotFinite {
-                        return Ok(Some(Answer::NotFinite(torque.header.sequence)));
+                        return Ok(Some(Answer::NotFinite));
                     }
                 }
             }
@@ -116,13 +117,13 @@ struct Asked {
 }
 
 impl Exchange for PlantPort {
-    fn send(&mut self, state: &StateSample) -> Result<(), BusError> {
-        let is_again =
-            self.asked.times > 0 && self.asked.state.header.sequence == state.header.sequence;
-        let leader = self.lease.decide()?;
-        self.states.expedite(&StateSample { leader, ..*state })?;
+    fn send(&mut self, state: &mut StateSample) -> Result<(), BusError> {
+        state.leader = self.lease.decide()?;
+        self.states.expedite(state)?;
         // From here on it is on its way, and its answer takes longer than this.
         self.lease.asked(Instant::now());
+        let is_again =
+            self.asked.times > 0 && self.asked.state.header.sequence == state.header.sequence;
         let (times, answers) =
             if is_again { (self.asked.times + 1, self.asked.answers) } else { (1, 0) };
         self.asked = Asked { state: *state, times, answers };
@@ -153,11 +154,16 @@ impl Exchange for PlantPort {
             // Whoever takes over need not wait for the next sample.
             let before = self.lease.leader();
             if lapse.is_some() && self.lease.decide()? != before {
-                let state = self.asked.state;
-                self.send(&state)?;
+                let mut state = self.asked.state;
+                self.send(&mut state)?;
             }
         }
     }
+
+    fn torque(&self) -> &TorqueSample {
+        self.torques.sample()
+    }
+
     fn report(&mut self, status: &StatusSample) -> Result<(), BusError> {
         self.offering.serve()?;
         self.presence.tell(&status.header)?;

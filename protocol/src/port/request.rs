@@ -60,9 +60,10 @@ impl RequestPort {
         while Instant::now() < until {
             self.send(&request)?;
             let again = (Instant::now() + REPEAT).min(until);
-            while let Some(change) = bus::receive(&mut *self.changes, Wait::Block, again)? {
-                if gate::fault(&change).is_none() && change.request == request.header.sequence {
-                    return Ok(Some(change));
+            while bus::receive(&mut *self.changes, Wait::Block, again)? {
+                let change = self.changes.sample();
+                if gate::fault(change).is_none() && change.request == request.header.sequence {
+                    return Ok(Some(*change));
                 }
             }
         }

@@ -165,7 +165,7 @@ impl Bus for ZenohBus {
             })
             .wait()
             .map_err(failure)?;
-        Ok(Box::new(MailboxReader { mailbox, keep: subscriber }))
+        Ok(Box::new(MailboxReader::new(mailbox, subscriber)))
     }
 
     fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {

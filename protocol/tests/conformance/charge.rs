@@ -57,19 +57,18 @@ impl<R: Rig> Court<R> {
     /// Sends a state, lets all that are there answer it if they are in charge, and returns whose
     /// answer the plant took.
     fn ask(&mut self, controllers: &mut [&mut Controller]) -> Option<u64> {
-        self.plant.send(&state(self.next)).unwrap();
+        self.plant.send(&mut state(self.next)).unwrap();
         self.next += 1;
         for controller in controllers {
             while let Some(heard) = controller.port.receive(glance()).unwrap() {
-                if let Heard::State(state) = heard
-                    && controller.port.is_in_charge(&state)
-                {
-                    controller.port.send(&torque(state.header.sequence)).unwrap();
+                if heard == Heard::State && controller.port.is_in_charge() {
+                    let sequence = controller.port.state().header.sequence;
+                    controller.port.send(&mut torque(sequence)).unwrap();
                 }
             }
         }
         match self.plant.receive(glance()).unwrap() {
-            Some(Answer::Torque(TorqueSample { controller, .. })) => Some(controller),
+            Some(Answer::Torque) => Some(self.plant.torque().controller),
             _ => None,
         }
     }
@@ -110,7 +109,7 @@ pub fn the_best_one_takes_over_when_the_lease_lapses<R: Rig>() {
     assert_eq!(court.plant.takeovers(), 3);
     // The deposed one wakes up with an old answer: nothing to the plant.
     let rejected = court.plant.rejected();
-    first.port.send(&torque(court.next - 1)).unwrap();
+    first.port.send(&mut torque(court.next - 1)).unwrap();
     eventually("its refusal", || {
         assert_eq!(court.plant.receive(glance()).unwrap(), None);
         (court.plant.rejected() > rejected).then_some(())
@@ -149,17 +148,18 @@ pub fn whoever_answers_takes_charge_where_nobody_has_announced_himself<R: Rig>()
     let bus = court.rig.join(Role::Controller);
     let mut stranger = bus.writer::<TorqueSample>().unwrap();
     let found = eventually("a stranger's torque", || {
-        court.plant.send(&state(court.next)).unwrap();
+        court.plant.send(&mut state(court.next)).unwrap();
         court.next += 1;
         stranger.write(&TorqueSample { controller: 77, ..torque(court.next - 1) }).unwrap();
         court.plant.receive(glance()).unwrap()
     });
-    assert!(matches!(found, Answer::Torque(TorqueSample { controller: 77, .. })));
+    assert_eq!((found, court.plant.torque().controller), (Answer::Torque, 77));
     // An announced one waits until he fails.
     let mut announced = court.join(10, 0, 1);
-    court.plant.send(&state(court.next)).unwrap();
+    court.plant.send(&mut state(court.next)).unwrap();
     court.next += 1;
     stranger.write(&TorqueSample { controller: 77, ..torque(court.next - 1) }).unwrap();
-    assert!(eventually("his next", || court.plant.receive(glance()).unwrap()).sequence() > 0);
+    eventually("his next", || court.plant.receive(glance()).unwrap());
+    assert!(court.plant.torque().header.sequence > 0);
     assert_eq!(court.leader(&mut [&mut announced]), 10);
 }

@@ -6,7 +6,7 @@ use mtj_protocol::{
     bus::{Bus, Writer},
     knob::Knob,
     member::Role,
-    port::{Exchange, Message, MonitorPort, RequestPort},
+    port::{Exchange, Heard, Message, MonitorPort, RequestPort},
     sample::{ChangeSample, ErrorSample, RequestSample, StatusSample, VERSION, text_of},
 };
 
@@ -95,17 +95,24 @@ pub fn a_changed_scenario_comes_before_the_samples_it_is_about<R: Rig>() {
         let mut newest = state(met.next);
         newest.header.revision = revision;
         // The controller fetches it when a sample tells of it, and only then.
+        assert_eq!(met.controller.newer_scenario(&met.other).unwrap(), None);
+        met.plant.send(&mut newest).unwrap();
+        eventually("that sample", || {
+            let heard = met.controller.receive(glance()).unwrap();
+            (heard == Some(Heard::State) && met.controller.state().header == newest.header)
+                .then_some(())
+        });
         let fetched = eventually("the changed scenario", || {
             met.plant
                 .report(&StatusSample { header: newest.header, ..Default::default() })
                 .unwrap();
-            met.controller.newer_scenario(&met.other, &newest).unwrap()
+            met.controller.newer_scenario(&met.other).unwrap()
         });
         assert_eq!((fetched.revision, &fetched.scenario), (revision, &changed));
-        assert_eq!(met.controller.newer_scenario(&met.other, &newest).unwrap(), None);
+        assert_eq!(met.controller.newer_scenario(&met.other).unwrap(), None);
         eventually("the monitor's scenario", || {
             newest.header.sequence += 1;
-            met.plant.send(&newest).unwrap();
+            met.plant.send(&mut newest).unwrap();
             met.next = newest.header.sequence + 1;
             monitor
                 .drain(&met.other, &mut |message| match message {
@@ -134,7 +141,7 @@ pub fn everybody_hears_who_takes_part<R: Rig>() {
         met.plant.report(&StatusSample { header: header(met.next), ..Default::default() }).unwrap();
         let error = ErrorSample { header: header(met.next), ..Default::default() };
         met.controller.publish(&error).unwrap();
-        met.controller.tell(&state(met.next)).unwrap();
+        met.controller.tell().unwrap();
         monitor
             .drain(&met.other, &mut |message| {
                 if let Message::Presence(presence) = message {

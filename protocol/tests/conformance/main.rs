@@ -34,6 +34,7 @@ for_every_bus! {
     ports::the_plant_ignores_torques_that_are_not_acceptable;
     ports::the_controller_ignores_states_that_are_not_acceptable;
     ports::the_controller_is_asked_again_and_notices_another_run;
+    ports::the_state_at_hand_is_the_one_that_was_heard;
     ports::a_monitor_hears_everything_acceptable;
     ports::rubbish_is_counted_and_the_loop_goes_on;
     knobs::a_wish_comes_to_the_plant_and_its_answer_back;

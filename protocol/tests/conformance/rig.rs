@@ -155,8 +155,8 @@ pub fn meet(
         writer.write(&state(sequence)).unwrap();
         let patience = Instant::now() + Duration::from_millis(200);
         let met = readers.iter_mut().all(|reader| {
-            while let Some(found) = receive(&mut **reader, Wait::Block, patience).unwrap() {
-                if found.header.sequence == sequence {
+            while receive(&mut **reader, Wait::Block, patience).unwrap() {
+                if reader.sample().header.sequence == sequence {
                     return true;
                 }
             }
@@ -191,10 +191,12 @@ pub fn close_the_loop(rig: &impl Rig) -> Met {
     let mut controller = ControllerPort::open(&buses[1], &member(), &offered, Wait::Block).unwrap();
     let mut next = 0;
     eventually("a first round trip", || {
-        plant.send(&state(next)).unwrap();
+        plant.send(&mut state(next)).unwrap();
         next += 1;
-        let Heard::State(heard) = controller.receive(glance()).unwrap()? else { return None };
-        controller.send(&torque(heard.header.sequence)).unwrap();
+        if controller.receive(glance()).unwrap() != Some(Heard::State) {
+            return None;
+        }
+        controller.send(&mut torque(controller.state().header.sequence)).unwrap();
         plant.receive(glance()).unwrap()
     });
     // Whatever is still under way.
@@ -207,12 +209,11 @@ pub fn close_the_loop(rig: &impl Rig) -> Met {
 impl Met {
     /// Sends the next state and lets somebody answer its number; what the plant makes of that.
     pub fn answered_by(&mut self, answer: impl FnOnce(u64)) -> Option<Answer> {
-        self.plant.send(&state(self.next)).unwrap();
+        self.plant.send(&mut state(self.next)).unwrap();
         self.next += 1;
-        while !matches!(
-            self.controller.receive(soon()).unwrap(),
-            Some(Heard::State(heard)) if heard.header.sequence + 1 == self.next
-        ) {}
+        while self.controller.receive(soon()).unwrap() != Some(Heard::State)
+            || self.controller.state().header.sequence + 1 != self.next
+        {}
         answer(self.next - 1);
         self.plant.receive(glance()).unwrap()
     }
@@ -221,15 +222,13 @@ impl Met {
     pub fn exchange(&mut self) {
         let sequence = self.next;
         self.next += 1;
-        self.plant.send(&state(sequence)).unwrap();
-        match self.controller.receive(soon()).unwrap() {
-            Some(Heard::State(heard)) => {
-                assert_eq!(heard, StateSample { leader: member().id, ..state(sequence) });
-            }
-            _ => panic!("the controller did not hear state {sequence}"),
-        }
-        self.controller.send(&torque(sequence)).unwrap();
-        let answer = self.plant.receive(soon()).unwrap();
-        assert_eq!(answer, Some(Answer::Torque(torque(sequence))));
+        self.plant.send(&mut state(sequence)).unwrap();
+        let heard = self.controller.receive(soon()).unwrap();
+        assert_eq!(heard, Some(Heard::State), "state {sequence}");
+        let sent = StateSample { leader: member().id, ..state(sequence) };
+        assert_eq!(*self.controller.state(), sent);
+        self.controller.send(&mut torque(sequence)).unwrap();
+        assert_eq!(self.plant.receive(soon()).unwrap(), Some(Answer::Torque));
+        assert_eq!(*self.plant.torque(), torque(sequence));
     }
 }

@@ -8,15 +8,20 @@ use std::{
 
 use mtj_model::scenario::{Wait, built_in};
 use mtj_protocol::{
-    bus::{Bus, Depth, receive},
+    bus::{self, Bus, Depth, Reader},
     codec::{Offer, encode_offer},
     member::Role,
     port::{Exchange, Offered, PlantPort, fetch_scenario},
-    sample::{ErrorSample, StateSample, StatusSample, TorqueSample, VERSION},
+    sample::{ErrorSample, Sample, StateSample, StatusSample, TorqueSample, VERSION},
     transport::AnyBus,
 };
 
 use crate::rig::*;
+
+/// The next sample, waiting for it until `until`.
+fn next_of<S: Sample>(reader: &mut dyn Reader<S>, wait: Wait, until: Instant) -> Option<S> {
+    bus::receive(reader, wait, until).unwrap().then(|| *reader.sample())
+}
 
 pub fn a_stream_keeps_order<R: Rig>() {
     let rig = R::new();
@@ -33,7 +38,7 @@ pub fn a_stream_keeps_order<R: Rig>() {
     let (mut expected, last) = (first, first + 1000);
     eventually("the last one", || {
         writer.write(&state(last)).unwrap();
-        while let Some(found) = receive(&mut *stream, Wait::Block, glance()).unwrap() {
+        while let Some(found) = next_of(&mut *stream, Wait::Block, glance()) {
             let sequence = found.header.sequence;
             if expected == last && sequence == last {
                 return Some(());
@@ -75,7 +80,7 @@ pub fn a_follower_gets_the_newest_once_and_the_stream_gets_all<R: Rig>() {
         writer.settle().unwrap();
         writer.settle().unwrap();
         let mut expected = last - 99;
-        while let Some(found) = receive(&mut *stream, Wait::Block, glance()).unwrap() {
+        while let Some(found) = next_of(&mut *stream, Wait::Block, glance()) {
             let in_order = found.header.sequence >= expected;
             assert!(in_order && (R::DROPS || found.header.sequence == expected), "{expected}");
             expected = found.header.sequence + 1;
@@ -100,7 +105,7 @@ pub fn whoever_follows_hears_others_too<R: Rig>() {
             eventually("a torque", || {
                 writer.expedite(&sample).unwrap();
                 writer.settle().unwrap();
-                receive(&mut *follower, Wait::Spin, glance()).unwrap().filter(|it| *it == sample)
+                next_of(&mut *follower, Wait::Spin, glance()).filter(|it| *it == sample)
             });
             while follower.take().unwrap().is_some() {}
             if i == followed {
@@ -123,15 +128,15 @@ pub fn a_reader_waits_as_long_as_it_is_told_and_no_longer_than_it_must<R: Rig>()
         let mut reader = other.reader::<StateSample>(depth, wait).unwrap();
         let next = meet(&mut *writer, &mut [&mut *reader]);
         let (began, patience) = (Instant::now(), Duration::from_millis(30));
-        assert_eq!(receive(&mut *reader, wait, began + patience).unwrap(), None);
+        assert_eq!(next_of(&mut *reader, wait, began + patience), None);
         assert!(began.elapsed() >= patience, "it did not give up early");
         // With all patience of the world it returns when the sample comes.
         writer.write(&state(next)).unwrap();
-        let found = receive(&mut *reader, wait, soon()).unwrap();
+        let found = next_of(&mut *reader, wait, soon());
         assert_eq!(found.map(|found| found.header.sequence), Some(next));
         // The past is no time to wait for, but what is there already is had.
         writer.write(&state(next + 1)).unwrap();
-        eventually("a sample", || receive(&mut *reader, wait, Instant::now()).unwrap());
+        eventually("a sample", || next_of(&mut *reader, wait, Instant::now()));
     }
 }
 
@@ -147,7 +152,7 @@ pub fn topics_and_sessions_do_not_mix<R: Rig>() {
     let next = meet(&mut *writer, &mut [&mut *states]);
     foreign_plant.writer().unwrap().write(&state(1_000_000)).unwrap();
     writer.write(&state(next)).unwrap();
-    let found = receive(&mut *states, Wait::Block, soon()).unwrap().unwrap();
+    let found = next_of(&mut *states, Wait::Block, soon()).unwrap();
     assert_eq!(found.header.sequence, next, "nothing of another session");
     assert_eq!(torques.take().unwrap(), None);
     assert_eq!(errors.take().unwrap(), None);
@@ -181,7 +186,7 @@ pub fn a_monitor_loses_nothing_at_a_kilohertz_beside_a_loop<R: Rig>() {
             let (mut seen, mut newest, end) = (0, None, soon() + Duration::from_secs(30));
             while !over.load(Ordering::Acquire) {
                 assert!(Instant::now() < end, "the loop was never told to end");
-                if let Some(found) = receive(&mut *latest, Wait::Block, glance()).unwrap() {
+                if let Some(found) = next_of(&mut *latest, Wait::Block, glance()) {
                     assert!(newest < Some(found.header.sequence), "newer and newer");
                     newest = Some(found.header.sequence);
                     seen += 1;

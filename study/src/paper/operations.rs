@@ -110,7 +110,7 @@ fn count_at<const N: usize>() -> Counts {
 
     let tj = TransposeJacobian { kp, kd };
     let with_factor = |factor| {
-        let law = ModifiedTransposeJacobian { tj, factor, ceiling: Counted(1.0) };
+        let law = ModifiedTransposeJacobian { tj, factor, ceiling: None };
         step(&|| law.task_force(&error, Some(&remembered), None).force)
     };
     let (threshold, rate_threshold) = (Counted(10.0), Counted(100.0));

@@ -87,7 +87,7 @@ impl<'a> Understudy<'a> {
             return Ok(());
         }
         let answer = part.controller.respond(state).map_err(refuse)?;
-        findings.compare(torque, &answer, is_same(&answer, torque));
+        findings.compare(torque, answer, is_same(answer, torque));
         Ok(())
     }
 }

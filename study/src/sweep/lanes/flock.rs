@@ -234,6 +234,7 @@ impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
             previous: self.previous,
             horizon: if self.predicts { Some(samples.horizon) } else { None },
             force: Some(samples.recalled),
+            foreseen: None,
         };
         let response = self.responder.respond(samples.time, posture, &recollection);
         let heard = |new: T, old: T| T::zero().where_below(samples.is_heard, new, old);

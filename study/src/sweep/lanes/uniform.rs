@@ -102,7 +102,7 @@ impl Uniform<'_, '_> {
             self.gains(|s| &s.law.kp),
             self.gains(|s| &s.law.kd),
             Factor::new(law.factor.kind, error, error_rate),
-            self.each(|s| s.law.factor.ceiling),
+            (law.factor.ceiling != 1.0).then(|| self.each(|s| s.law.factor.ceiling)),
             law.acceleration,
         )
     }
