@@ -19,6 +19,7 @@ use super::{Effort, Way, free_endpoint};
 use crate::failure::Failure;
 
 /// Round trips are counted from here on: the first ones find everything cold.
+#[cfg(any(feature = "iceoryx2", feature = "zenoh"))]
 const WARM_UP: u64 = 1000;
 
 /// All round trips of one round.
@@ -57,7 +58,10 @@ pub fn echo(
         BusKind::Iceoryx2 => iceoryx2::pong(place, wait, proceed),
         #[cfg(feature = "zenoh")]
         BusKind::Zenoh => zenoh::pong(place, proceed),
-        kind => Err(unknown(kind)),
+        kind => {
+            let _ = (wait, place, proceed);
+            Err(unknown(kind))
+        }
     }
 }
 
