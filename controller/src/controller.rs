@@ -3,13 +3,13 @@
 use std::fmt;
 
 use mtj_model::{
-    PLANE,
+    MAX_SIGNALS, PLANE,
     arm::Posture,
     for_links,
     scenario::{Horizon, LawKind, LawSettings, Scenario},
     trajectory::Motion,
 };
-use mtj_protocol::sample::{ErrorSample, StateSample, TorqueSample, padded};
+use mtj_protocol::sample::{ErrorSample, Name, StateSample, TorqueSample, padded, text};
 use nalgebra::SVector;
 
 use crate::{
@@ -146,6 +146,8 @@ struct ArmController<const N: usize> {
     horizon: Option<Horizon>,
     previous: Tip<f64>,
     sample_period_ns: u64,
+    /// Of the law.
+    name: Name,
     /// When something is desired of the tip, s, and what.
     foreseen: Option<(f64, Motion<f64, PLANE>)>,
 }
@@ -164,6 +166,7 @@ impl<const N: usize> ArmController<N> {
             horizon: settings.prediction,
             previous,
             sample_period_ns: scenario.timing.sample_period.as_nanos() as u64,
+            name: text(settings.kind.name()),
             foreseen: None,
         }
     }
@@ -208,20 +211,23 @@ impl<const N: usize> Respond for ArmController<N> {
             state_sent_ns: state.sent_ns,
             residence_ns: 0,
             controller: 0,
+            echo_count: PLANE as u64,
             torque: padded(answer.torque.as_slice()),
-            force: padded(answer.remembered.force.as_slice()),
+            echo: padded(answer.remembered.force.as_slice()),
         };
+        let mut signals = [0.0; MAX_SIGNALS];
+        if let Law::Mtj { .. } = self.responder.law {
+            let (factor, memory) = (answer.remembered.factor.per_axis(), answer.remembered.memory);
+            for (place, number) in signals.iter_mut().zip(factor.iter().chain(&memory)) {
+                *place = *number;
+            }
+        }
         answered.error = ErrorSample {
             header,
-            law: match self.responder.law {
-                Law::Tj(_) => 0,
-                Law::Mtj { .. } => 1,
-                Law::Mb(_) => 2,
-            },
+            law: self.name,
             error: padded(answer.error.position.as_slice()),
             error_rate: padded(answer.error.velocity.as_slice()),
-            factor: padded(answer.remembered.factor.per_axis().as_slice()),
-            memory: padded(answer.remembered.memory.as_slice()),
+            signals,
         };
         Ok(())
     }
@@ -235,7 +241,7 @@ impl<const N: usize> Respond for ArmController<N> {
 
     fn remember(&mut self, torque: &TorqueSample) {
         if let Some(memory) = &mut self.memory {
-            memory.replace(&SVector::from_fn(|i, _| torque.force[i]));
+            memory.replace(&SVector::from_fn(|i, _| torque.echo[i]));
         }
     }
 

@@ -9,6 +9,7 @@
 //! | [`task`] | the same dynamics seen from the tip: Ĥ and Ĉ of eq. (3) |
 //! | [`trajectory`] | desired motions with exact first and second derivatives |
 //! | [`gains`] | the positive definite matrices K_p and K_d |
+//! | [`law`] | the control laws, one file each |
 //! | [`scenario`] | one experiment as data: TOML in, validated values out |
 //!
 //! Equation numbers refer to Moosavian and Papadopoulos, *Modified transpose Jacobian control of
@@ -17,6 +18,7 @@
 pub mod arm;
 pub mod gains;
 pub mod lanes;
+pub mod law;
 pub mod matrix;
 pub mod scalar;
 pub mod scenario;
@@ -27,6 +29,10 @@ pub mod trajectory;
 pub const MAX_JOINTS: usize = 7;
 /// The most task axes a sample carries.
 pub const MAX_AXES: usize = 6;
+/// The most numbers in a law's echo.
+pub const MAX_ECHO: usize = 7;
+/// The most numbers in a law's signals.
+pub const MAX_SIGNALS: usize = 14;
 /// Task axes of the arms that a scenario describes: the tip's position in the plane.
 pub const PLANE: usize = 2;
 

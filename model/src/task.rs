@@ -4,6 +4,30 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::{matrix, scalar::Scalar};
 
+/// A task, described: what of the tip is controlled.
+#[derive(Debug, PartialEq)]
+pub struct Description {
+    /// The name in scenarios.
+    pub name: &'static str,
+    /// Its axes in the order of every list that has one number for each.
+    pub axes: &'static [Axis],
+}
+
+/// One axis of a task.
+#[derive(Debug, PartialEq)]
+pub struct Axis {
+    /// The name in print.
+    pub name: &'static str,
+    /// The unit of a position along it.
+    pub unit: &'static str,
+}
+
+/// The registry of tasks.
+pub const TASKS: &[Description] = &[Description {
+    name: "plane",
+    axes: &[Axis { name: "x", unit: "m" }, Axis { name: "y", unit: "m" }],
+}];
+
 /// Eq. (3): Ĥ ẍ + Ĉ = Q̂ for a square, non-singular Jacobian.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TaskDynamics<T, const N: usize> {

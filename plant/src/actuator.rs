@@ -1,27 +1,30 @@
-//! The zero-order hold: what torque is in effect, since when, and what task force came with it.
+//! The zero-order hold: what torque is in effect, since when, and what echo came with it.
 
 use std::collections::VecDeque;
 
 use mtj_model::{
-    MAX_AXES, MAX_JOINTS,
+    MAX_ECHO, MAX_JOINTS,
     scenario::{OnTimeout, Scenario},
 };
 use mtj_protocol::sample::TorqueSample;
 
 use crate::simulator::Drive;
 
-/// Holds the last command, of `N` joints and `M` task axes, and remembers what it has delivered.
+/// Holds the last command, of `N` joints and an echo of `E` numbers, and remembers what it has delivered.
 #[derive(Clone, Debug)]
-pub struct Actuator<const N: usize = MAX_JOINTS, const M: usize = MAX_AXES> {
+pub struct Actuator<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
     limit: [f64; N],
     on_timeout: OnTimeout,
     drive: Drive<N>,
-    force: [f64; M],
-    /// ∫ Q̂ dt up to `integrated_ns`, N s.
-    impulse: [f64; M],
+    /// What the law handed over beside the torque, scaled with it.
+    echo: [f64; E],
+    /// Its integral up to `integrated_ns`.
+    impulse: [f64; E],
     integrated_ns: u64,
     /// The impulse at the last sampling instants, back to the one at which a memory step began.
-    history: VecDeque<(u64, [f64; M])>,
+    history: VecDeque<(u64, [f64; E])>,
+    /// How many numbers the echo in effect has.
+    echo_count: u64,
     newest: Option<u64>,
     latency_ns: u64,
     commands: u64,
@@ -31,22 +34,27 @@ pub struct Actuator<const N: usize = MAX_JOINTS, const M: usize = MAX_AXES> {
 impl Actuator {
     /// Puts a command into effect at `time_ns`, unless a newer one is in effect already.
     pub fn apply(&mut self, command: &TorqueSample, time_ns: u64) -> bool {
-        let TorqueSample { header, torque, force, .. } = command;
-        self.hold(header.sequence, header.time_ns, torque, force, time_ns)
+        let TorqueSample { header, torque, echo, echo_count, .. } = command;
+        let is_applied = self.hold(header.sequence, header.time_ns, torque, echo, time_ns);
+        if is_applied {
+            self.echo_count = *echo_count;
+        }
+        is_applied
     }
 }
 
-impl<const N: usize, const M: usize> Actuator<N, M> {
-    /// At rest: no torque, no task force.
+impl<const N: usize, const E: usize> Actuator<N, E> {
+    /// At rest: no torque, no echo.
     pub fn new(scenario: &Scenario) -> Self {
         Self {
             limit: limits(scenario),
             on_timeout: scenario.safety.on_timeout,
             drive: Drive::Torque([0.0; _]),
-            force: [0.0; _],
+            echo: [0.0; _],
             impulse: [0.0; _],
             integrated_ns: 0,
             history: VecDeque::with_capacity(memory_samples(scenario)),
+            echo_count: 0,
             newest: None,
             latency_ns: 0,
             commands: 0,
@@ -65,7 +73,7 @@ impl<const N: usize, const M: usize> Actuator<N, M> {
     /// Puts the command into effect at `time_ns` that answers the sample of this number, taken at
     /// `sampled_ns`, unless a newer one is in effect already.
     ///
-    /// A torque over a joint's limit is scaled down with all others and with the task force: the
+    /// A torque over a joint's limit is scaled down with all others and with the echo: the
     /// direction at the tip stays, and what is echoed is what was in effect.
     #[inline(always)]
     pub fn hold(
@@ -73,7 +81,7 @@ impl<const N: usize, const M: usize> Actuator<N, M> {
         sequence: u64,
         sampled_ns: u64,
         torque: &[f64; N],
-        force: &[f64; M],
+        echo: &[f64; E],
         time_ns: u64,
     ) -> bool {
         if self.newest.is_some_and(|newest| sequence <= newest) {
@@ -92,8 +100,8 @@ impl<const N: usize, const M: usize> Actuator<N, M> {
             *held = (torque * scale).clamp(-limit, *limit);
         }
         self.drive = Drive::Torque(held);
-        for (held, force) in self.force.iter_mut().zip(force) {
-            *held = force * scale;
+        for (held, echo) in self.echo.iter_mut().zip(echo) {
+            *held = echo * scale;
         }
         self.commands += 1;
         self.has_timed_out = false;
@@ -109,7 +117,7 @@ impl<const N: usize, const M: usize> Actuator<N, M> {
             OnTimeout::Zero => Drive::Torque([0.0; _]),
             OnTimeout::Damp(damping) => Drive::Damping { damping, limit: self.limit },
         };
-        self.force = [0.0; _];
+        self.echo = [0.0; _];
     }
 
     /// What acts on the joints.
@@ -127,17 +135,17 @@ impl<const N: usize, const M: usize> Actuator<N, M> {
         torque
     }
 
-    /// The task force in effect, N.
+    /// The echo in effect.
     #[inline(always)]
-    pub fn applied(&self) -> [f64; M] {
-        self.force
+    pub fn applied(&self) -> [f64; E] {
+        self.echo
     }
 
-    /// The mean task force over the memory step that ends at `time_ns`, a sampling instant, N; what
+    /// The mean echo over the memory step that ends at `time_ns`, a sampling instant; what
     /// was before the run counts as zero. Just after a sample period was changed a step may begin between
-    /// two sampling instants; the task force is then taken as even between them.
+    /// two sampling instants; the echo is then taken as even between them.
     #[inline(always)]
-    pub fn delivered(&mut self, time_ns: u64, step_ns: u64) -> [f64; M] {
+    pub fn delivered(&mut self, time_ns: u64, step_ns: u64) -> [f64; E] {
         self.integrate(time_ns);
         self.history.push_back((time_ns, self.impulse));
         let start = time_ns.saturating_sub(step_ns);
@@ -154,6 +162,11 @@ impl<const N: usize, const M: usize> Actuator<N, M> {
         };
         let seconds = step_ns as f64 * 1e-9;
         std::array::from_fn(|i| (self.impulse[i] - before[i]) / seconds)
+    }
+
+    /// How many numbers the echo in effect has.
+    pub fn echo_count(&self) -> u64 {
+        self.echo_count
     }
 
     /// Sample instant to application of the command in effect, ns; 0 before any.
@@ -174,8 +187,8 @@ impl<const N: usize, const M: usize> Actuator<N, M> {
     #[inline(always)]
     fn integrate(&mut self, time_ns: u64) {
         let seconds = time_ns.saturating_sub(self.integrated_ns) as f64 * 1e-9;
-        for (impulse, force) in self.impulse.iter_mut().zip(&self.force) {
-            *impulse += force * seconds;
+        for (impulse, echo) in self.impulse.iter_mut().zip(&self.echo) {
+            *impulse += echo * seconds;
         }
         self.integrated_ns = time_ns;
     }

@@ -3,13 +3,13 @@
 use std::time::{Duration, Instant};
 
 use mtj_model::{
-    MAX_AXES, PLANE,
+    PLANE,
     scenario::{ClockKind, Scenario},
 };
 use mtj_protocol::{
     bus::BusError,
     port::{Answer, Exchange},
-    sample::{Header, StateSample, StatusSample, TorqueSample, VERSION, padded},
+    sample::{Header, StateSample, StatusSample, TorqueSample, VERSION},
 };
 
 use crate::{
@@ -280,7 +280,7 @@ impl<'a> Plant<'a> {
                 tip: tip.into(),
                 desired: desired.into(),
                 torque: self.actuator.torque(&true_velocity),
-                force: padded::<MAX_AXES>(&self.actuator.applied()),
+                echo: self.actuator.applied(),
             });
         }
         let (position, velocity) = self.sensor.measure(true_position, true_velocity);
@@ -292,6 +292,7 @@ impl<'a> Plant<'a> {
             residence_ns: self.ledger.residence_ns,
             leader: 0,
             timed_out: u64::from(self.actuator.has_timed_out()),
+            echo_count: self.actuator.echo_count(),
             position,
             velocity,
             applied: self.actuator.applied(),

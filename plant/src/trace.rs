@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use mtj_model::{MAX_AXES, MAX_JOINTS, PLANE};
-use mtj_protocol::sample::{Axes, Joints};
+use mtj_protocol::sample::{Echo, Joints};
 
 /// What was true at one sampling instant. Nothing in it depends on wall time, unless the run does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,8 +20,8 @@ pub struct Row {
     pub desired: [f64; PLANE],
     /// Torque in effect when the sample was taken, N m.
     pub torque: Joints,
-    /// Task force in effect when the sample was taken, N.
-    pub force: Axes,
+    /// The law's echo in effect when the sample was taken.
+    pub echo: Echo,
 }
 
 impl Row {
@@ -54,7 +54,7 @@ pub fn write_csv(out: &mut impl Write, joints: usize, rows: &[Row]) -> io::Resul
             &row.desired,
             &row.error(),
             &row.torque[..joints],
-            &row.force[..axes],
+            &row.echo[..axes],
         ];
         for number in lists.into_iter().flatten() {
             write!(out, ",{number}")?;

@@ -1,6 +1,6 @@
 //! The edge: what passed a gate needs no more checks inside.
 
-use mtj_model::{MAX_AXES, MAX_JOINTS, PLANE};
+use mtj_model::scenario::Scenario;
 
 use crate::sample::{Sample, VERSION};
 
@@ -70,9 +70,10 @@ impl Gate {
         Self { run, arm: None, newest: None, refused: 0 }
     }
 
-    /// The same gate, which lets only samples about an arm with so many joints pass.
-    pub fn for_arm(self, joints: usize) -> Self {
-        Self { arm: Some((joints as u32, PLANE as u32)), ..self }
+    /// The same gate, which lets only samples about the arm and the task of a scenario pass.
+    pub fn for_scenario(self, scenario: &Scenario) -> Self {
+        let (joints, axes) = (scenario.arm.links.len(), scenario.task.axes.len());
+        Self { arm: Some((joints as u32, axes as u32)), ..self }
     }
 
     /// Judges a sample and, if it is fresh, remembers it as the newest.
@@ -131,8 +132,7 @@ pub fn fault<S: Sample>(sample: &S) -> Option<Fault> {
     if header.version != VERSION {
         return Some(Fault::Version);
     }
-    let within = |count: u32, most: usize| (1..=most as u32).contains(&count);
-    if !within(header.joints, MAX_JOINTS) || !within(header.axes, MAX_AXES) {
+    if !sample.is_well_formed() {
         return Some(Fault::Malformed);
     }
     (!sample.is_finite()).then_some(Fault::NotFinite)

@@ -7,16 +7,22 @@
 
 #[cfg(feature = "iceoryx2")]
 use iceoryx2::prelude::ZeroCopySend;
-use mtj_model::{MAX_AXES, MAX_JOINTS};
+use mtj_model::{MAX_AXES, MAX_ECHO, MAX_JOINTS, MAX_SIGNALS, law};
 use serde::{Deserialize, Serialize};
 
 /// Changes whenever the layout or the meaning of a sample does.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 
 /// One number for each joint; entries past the count are zero.
 pub type Joints = [f64; MAX_JOINTS];
 /// One number for each task axis; entries past the count are zero.
 pub type Axes = [f64; MAX_AXES];
+/// What a law hands over beside its torque; entries past the count are zero.
+pub type Echo = [f64; MAX_ECHO];
+/// The signals of a law one after the other; entries past the last are zero.
+pub type Signals = [f64; MAX_SIGNALS];
+/// A short name, like [`Text`].
+pub type Name = [[u8; 32]; 1];
 /// UTF-8, filled up with zeros. In rows, because serde knows no arrays longer than 32.
 pub type Text = [[u8; 32]; 12];
 /// The name of a machine, like [`Text`].
@@ -54,6 +60,8 @@ pub trait Sample:
 
     /// What every sample begins with.
     fn header(&self) -> &Header;
+    /// Whether all counts are within their limits.
+    fn is_well_formed(&self) -> bool;
     /// Whether all numbers of the sample's vectors are finite.
     fn is_finite(&self) -> bool;
     /// Shows what follows the header, field by field, with lists only as long as they are meant:
@@ -87,52 +95,59 @@ pub enum FieldMut<'a> {
     Text(&'a mut [[u8; 32]]),
 }
 
-/// What may stand in a sample behind its header.
-trait AsField {
-    fn as_field(&self, header: &Header) -> Field<'_>;
-    fn as_field_mut(&mut self) -> FieldMut<'_>;
+/// Shows one field of a sample, by the name of its type.
+macro_rules! show {
+    (u64, $sample:ident, $field:ident, $show:ident) => {
+        $show(stringify!($field), Field::Count($sample.$field))
+    };
+    (Joints, $sample:ident, $field:ident, $show:ident) => {
+        $show(stringify!($field), numbers(&$sample.$field, u64::from($sample.header.joints)))
+    };
+    (Axes, $sample:ident, $field:ident, $show:ident) => {
+        $show(stringify!($field), numbers(&$sample.$field, u64::from($sample.header.axes)))
+    };
+    (Echo, $sample:ident, $field:ident, $show:ident) => {
+        $show(stringify!($field), numbers(&$sample.$field, $sample.echo_count))
+    };
+    (Signals, $sample:ident, $field:ident, $show:ident) => {
+        $sample.show_signals($show)
+    };
+    ($text:ident, $sample:ident, $field:ident, $show:ident) => {
+        $show(stringify!($field), Field::Text(text_of(&$sample.$field)))
+    };
 }
 
-impl AsField for u64 {
-    fn as_field(&self, _: &Header) -> Field<'_> {
-        Field::Count(*self)
-    }
-    fn as_field_mut(&mut self) -> FieldMut<'_> {
-        FieldMut::Count(self)
-    }
+/// One field of a sample to be filled in, by the name of its type.
+macro_rules! fill {
+    (u64, $field:expr) => {
+        FieldMut::Count(&mut $field)
+    };
+    (Joints, $field:expr) => {
+        FieldMut::Numbers(&mut $field)
+    };
+    (Axes, $field:expr) => {
+        FieldMut::Numbers(&mut $field)
+    };
+    (Echo, $field:expr) => {
+        FieldMut::Numbers(&mut $field)
+    };
+    (Signals, $field:expr) => {
+        FieldMut::Numbers(&mut $field)
+    };
+    ($text:ident, $field:expr) => {
+        FieldMut::Text(&mut $field)
+    };
 }
 
-impl AsField for Joints {
-    fn as_field(&self, header: &Header) -> Field<'_> {
-        Field::Numbers(&self[..MAX_JOINTS.min(header.joints as usize)])
-    }
-    fn as_field_mut(&mut self) -> FieldMut<'_> {
-        FieldMut::Numbers(self)
-    }
-}
-
-impl AsField for Axes {
-    fn as_field(&self, header: &Header) -> Field<'_> {
-        Field::Numbers(&self[..MAX_AXES.min(header.axes as usize)])
-    }
-    fn as_field_mut(&mut self) -> FieldMut<'_> {
-        FieldMut::Numbers(self)
-    }
-}
-
-impl<const ROWS: usize> AsField for [[u8; 32]; ROWS] {
-    fn as_field(&self, _: &Header) -> Field<'_> {
-        Field::Text(text_of(self))
-    }
-    fn as_field_mut(&mut self) -> FieldMut<'_> {
-        FieldMut::Text(self)
-    }
+/// The first `count` numbers of a list.
+fn numbers(list: &[f64], count: u64) -> Field<'_> {
+    Field::Numbers(&list[..list.len().min(count as usize)])
 }
 
 macro_rules! sample {
     ($(#[$doc:meta])* $name:ident {
         $(#[$header_doc:meta])* header: Header,
-        $($(#[$field_doc:meta])* $field:ident: $type:ty,)*
+        $($(#[$field_doc:meta])* $field:ident: $type:ident,)*
     }) => {
         layout! { $(#[$doc])* $name {
             $(#[$header_doc])* header: Header,
@@ -141,11 +156,11 @@ macro_rules! sample {
 
         impl $name {
             fn show_fields(&self, show: &mut dyn FnMut(&'static str, Field<'_>)) {
-                $(show(stringify!($field), self.$field.as_field(&self.header));)*
+                $(show!($type, self, $field, show);)*
             }
             fn named_field_mut(&mut self, name: &str) -> Option<FieldMut<'_>> {
                 match name {
-                    $(stringify!($field) => Some(self.$field.as_field_mut()),)*
+                    $(stringify!($field) => Some(fill!($type, self.$field)),)*
                     _ => None,
                 }
             }
@@ -201,14 +216,16 @@ sample! {
         /// 1 while commands have stayed away for longer than the command timeout: nothing that was before
         /// counts any more, and k is zero.
         timed_out: u64,
+        /// How many numbers the echo has.
+        echo_count: u64,
         /// Measured joint angles, rad.
         position: Joints,
         /// Measured joint velocities, rad/s.
         velocity: Joints,
-        /// The task force in effect at the sampling instant, N.
-        applied: Axes,
-        /// The mean task force over the memory step that ends at the sampling instant, N.
-        delivered: Axes,
+        /// The echo in effect at the sampling instant: what the law handed over with its torque.
+        applied: Echo,
+        /// The mean of the echo over the memory step that ends at the sampling instant.
+        delivered: Echo,
     }
 }
 
@@ -223,10 +240,13 @@ sample! {
         residence_ns: u64,
         /// The controller's number, which no other has; not 0.
         controller: u64,
-        /// τ = Jᵀ Q̂, N m.
+        /// How many numbers the echo has, 0 to 7.
+        echo_count: u64,
+        /// τ, N m.
         torque: Joints,
-        /// Q̂, N: the plant holds it with the torque and echoes what was in effect.
-        force: Axes,
+        /// Numbers of the law's choice, like its task force Q̂: the plant holds them with the torque,
+        /// scales them with it, and returns what was in effect.
+        echo: Echo,
     }
 }
 
@@ -235,16 +255,14 @@ sample! {
     ErrorSample {
         /// The state sample's, except for the version.
         header: Header,
-        /// 0 tj, 1 mtj, 2 mb.
-        law: u64,
+        /// The name of the law, as in scenarios.
+        law: Name,
         /// e = desired − actual, m, as the law used it.
         error: Axes,
         /// ė, m/s.
         error_rate: Axes,
-        /// The regulating factor k on each axis.
-        factor: Axes,
-        /// What mtj added, h = k · memory, N.
-        memory: Axes,
+        /// What the law shows beside, one signal after the other as its description lists them.
+        signals: Signals,
     }
 }
 
@@ -337,7 +355,7 @@ sample! {
 }
 
 macro_rules! implement_sample {
-    ($($name:ident, $topic:literal, one writer $one:literal, loop $loop:literal: $($field:ident),*;)*) => {
+    ($($name:ident, $topic:literal, one writer $one:literal, loop $loop:literal: $($field:ident),* $(=> $count:ident)?;)*) => {
         $(impl Sample for $name {
             const TOPIC: &'static str = $topic;
             const ONE_WRITER: bool = $one;
@@ -349,6 +367,9 @@ macro_rules! implement_sample {
             fn is_finite(&self) -> bool {
                 // Without a way out in the middle, so that the compiler may look at several at once.
                 true $(& self.$field.iter().fold(true, |all, x| all & x.is_finite()))*
+            }
+            fn is_well_formed(&self) -> bool {
+                self.header.is_well_formed() $(&& self.$count <= MAX_ECHO as u64)?
             }
             fn fields(&self, show: &mut dyn FnMut(&'static str, Field<'_>)) {
                 self.show_fields(show);
@@ -364,16 +385,51 @@ macro_rules! implement_sample {
 }
 
 implement_sample! {
-    StateSample, "state", one writer true, loop true: position, velocity, applied, delivered;
-    TorqueSample, "torque", one writer false, loop true: torque, force;
-    ErrorSample, "error", one writer false, loop false: error, error_rate, factor, memory;
+    StateSample, "state", one writer true, loop true: position, velocity, applied, delivered => echo_count;
+    TorqueSample, "torque", one writer false, loop true: torque, echo => echo_count;
+    ErrorSample, "error", one writer false, loop false: error, error_rate, signals;
     StatusSample, "status", one writer true, loop false: position, velocity, torque;
     RequestSample, "request", one writer false, loop false: torque;
     ChangeSample, "change", one writer true, loop false: torque;
     PresenceSample, "presence", one writer false, loop false: ;
 }
 
+impl ErrorSample {
+    /// What is known of the law; `None` for a law that this program does not have.
+    pub fn description(&self) -> Option<&'static law::Description> {
+        law::find(text_of(&self.law))
+    }
+
+    /// The law's signals with their numbers; none of a law that this program does not have.
+    pub fn signals(&self) -> impl Iterator<Item = (&'static law::Signal, &[f64])> {
+        let (joints, axes) = (self.header.joints as usize, self.header.axes as usize);
+        let description = self.description().into_iter();
+        description.flat_map(move |law| law.cut(&self.signals, joints, axes))
+    }
+
+    /// The numbers of one signal, if the law has it.
+    pub fn signal(&self, key: &str) -> Option<&[f64]> {
+        self.signals().find(|(signal, _)| signal.key == key).map(|(_, numbers)| numbers)
+    }
+
+    /// Shows each signal under its own name, or all as one where the law is not known.
+    fn show_signals(&self, show: &mut dyn FnMut(&'static str, Field<'_>)) {
+        if self.description().is_none() {
+            return show("signals", Field::Numbers(&self.signals));
+        }
+        for (signal, numbers) in self.signals() {
+            show(signal.key, Field::Numbers(numbers));
+        }
+    }
+}
+
 impl Header {
+    /// Whether its counts are within their limits.
+    pub fn is_well_formed(&self) -> bool {
+        let within = |count: u32, most: usize| (1..=most as u32).contains(&count);
+        within(self.joints, MAX_JOINTS) && within(self.axes, MAX_AXES)
+    }
+
     /// The same instant, stamped with our own version: what an answer begins with.
     pub fn answer(&self) -> Self {
         Self { version: VERSION, ..*self }

@@ -30,7 +30,10 @@ pub use safety::{OnTimeout, Safety};
 pub use section::{Origin, ScenarioError, Section};
 pub use timing::{ClockKind, Timing};
 
-use crate::trajectory::Trajectory;
+use crate::{
+    task::{self, TASKS},
+    trajectory::Trajectory,
+};
 
 /// A validated experiment.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,6 +44,8 @@ pub struct Scenario {
     pub duration: Duration,
     /// Seeds all that is random.
     pub seed: u64,
+    /// What of the tip is controlled.
+    pub task: &'static task::Description,
     /// The arm and its initial state.
     pub arm: ArmSettings,
     /// What the tip should do.
@@ -146,6 +151,7 @@ impl Scenario {
         let seed = root.optional("seed", "a whole number, 0 or more", |value| {
             u64::try_from(value.as_integer()?).ok()
         })?;
+        let task = read_task(root.optional_section("task")?)?;
         let arm = ArmSettings::read(root.section("arm")?)?;
         let timing = Timing::read(root.section("timing")?, duration)?;
         let law = LawSettings::read(root.section("law")?, timing.sample_period)?;
@@ -164,6 +170,7 @@ impl Scenario {
             name: name.to_owned(),
             duration,
             seed: seed.unwrap_or(1),
+            task,
             trajectory: Trajectory::read(root.section("trajectory")?)?,
             law,
             timing,
@@ -234,6 +241,14 @@ impl Template {
 
 fn origin(name: &str, overrides: &[Override]) -> Origin {
     Origin::new(name, overrides.iter().map(|set| set.path.clone()).collect())
+}
+
+fn read_task(section: Option<Section<'_>>) -> Result<&'static task::Description, ScenarioError> {
+    let Some(section) = section else { return Ok(&TASKS[0]) };
+    let kinds: Vec<_> = TASKS.iter().map(|task| (task.name, task)).collect();
+    let task = section.choice("kind", &kinds, Some(&TASKS[0]))?;
+    section.finish()?;
+    Ok(task)
 }
 
 fn read_noise(section: Option<Section<'_>>) -> Result<f64, ScenarioError> {

@@ -68,7 +68,7 @@ impl ControllerPort {
             newest: None,
             heard: Instant::now(),
             wait,
-            gate: Gate::new(offered.run).for_arm(offered.scenario.arm.links.len()),
+            gate: Gate::new(offered.run).for_scenario(&offered.scenario),
             stale: 0,
             scenario: Follower::knowing(offered),
             complaints: Complaints::default(),

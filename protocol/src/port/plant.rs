@@ -43,7 +43,7 @@ impl PlantPort {
             offering: bus.offer(encode(scenario, run, 0))?,
             wait,
             run,
-            gate: Gate::new(run).for_arm(scenario.arm.links.len()),
+            gate: Gate::new(run).for_scenario(scenario),
             lease: Lease::new(scenario.safety.lease, bus.attendance()?),
             asked: Asked::default(),
             complaints: Complaints::default(),
@@ -53,7 +53,7 @@ impl PlantPort {
     /// Begins another run on the same bus.
     pub fn restart(&mut self, scenario: &Scenario, run: u64) -> Result<(), BusError> {
         self.run = run;
-        self.gate = Gate::new(run).for_arm(scenario.arm.links.len());
+        self.gate = Gate::new(run).for_scenario(scenario);
         self.asked = Asked::default();
         self.lease.restart();
         self.renew(scenario, 0)
