@@ -3,20 +3,20 @@
 use std::fmt;
 
 use mtj_model::{
-    MAX_SIGNALS, PLANE,
-    arm::Posture,
-    for_links,
-    scenario::{Horizon, LawKind, LawSettings, Scenario},
+    arm::planar::{Configuration, PlanarArm},
+    for_axes, for_links,
+    lift::Lift,
+    scenario::{Horizon, Scenario},
+    task::Previous,
     trajectory::Motion,
 };
-use mtj_protocol::sample::{ErrorSample, Name, StateSample, TorqueSample, padded, text};
+use mtj_protocol::sample::{Axes, ErrorSample, Name, StateSample, TorqueSample, padded, text};
 use nalgebra::SVector;
 
 use crate::{
-    law::Factor,
     memory::Memory,
-    prediction::{self, Tip},
-    responder::{Law, Recollection, Responder, is_singular},
+    prediction,
+    responder::{Recollection, Responder, Response, is_singular},
 };
 
 /// A law with its memory, ready to answer states.
@@ -38,8 +38,13 @@ struct Answer {
 /// Why a state could not be answered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LawError {
-    /// mb needs J⁻¹, and J has none at this time (s).
-    Singular(f64),
+    /// The law needs an inverse of J, and J has none.
+    Singular {
+        /// The law's name.
+        law: &'static str,
+        /// When, s.
+        time: f64,
+    },
     /// The state has another number of joints than the scenario's arm.
     Joints {
         /// In the scenario.
@@ -52,9 +57,9 @@ pub enum LawError {
 impl fmt::Display for LawError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Singular(time) => write!(
+            Self::Singular { law, time } => write!(
                 f,
-                "law.kind = \"mb\" inverts the Jacobian, which is singular at t = {time} s; keep the \
+                "law.kind = \"{law}\" inverts the Jacobian, which is singular at t = {time} s; keep the \
                  path away from the rim of the workspace, or use tj or mtj, which need no inverse"
             ),
             Self::Joints { expected, found } => {
@@ -69,16 +74,13 @@ impl std::error::Error for LawError {}
 impl Controller {
     /// The controller that a scenario describes.
     pub fn new(scenario: &Scenario) -> Self {
-        let law = law(scenario, None, Tip::unknown());
-        Self { law, answer: Answer::default() }
+        Self { law: law(scenario, None), answer: Answer::default() }
     }
 
     /// Goes on under a scenario that was changed while it runs, for the same arm: with what it remembers, so
     /// that a change of something else gives the arm no jerk.
     pub fn adopt(&mut self, scenario: &Scenario) {
-        let (memory, previous) = self.law.remembered();
-        let memory = memory.map(|memory| memory.adopt(&scenario.law.memory));
-        self.law = law(scenario, memory, previous);
+        self.law = law(scenario, Some(self.law.remembered()));
     }
 
     /// τ = J_Cᵀ Q̂ for a measured state, with Q̂ from the law. The desired motion is evaluated at the
@@ -129,57 +131,74 @@ trait Respond {
     /// Believes to have answered the last state so.
     fn remember(&mut self, torque: &TorqueSample);
     /// What is known from earlier samples.
-    fn remembered(&self) -> (Option<Memory>, Tip<f64>);
+    fn remembered(&self) -> Remembered;
 }
 
-fn law(scenario: &Scenario, memory: Option<Memory>, previous: Tip<f64>) -> Box<dyn Respond> {
-    for_links!(scenario.arm.links.len(), N => {
-        Box::new(ArmController::<N>::new(scenario, memory, previous))
-    })
+/// What a controller knows from earlier samples.
+struct Remembered {
+    memory: Option<Memory>,
+    /// When the last sample was taken, s.
+    time: f64,
+    /// The tip's velocity then.
+    velocity: Axes,
 }
 
-/// A law for an arm of `N` links.
-struct ArmController<const N: usize> {
-    responder: Responder<f64, N>,
-    /// What mtj remembers.
+fn law(scenario: &Scenario, remembered: Option<Remembered>) -> Box<dyn Respond> {
+    for_links!(scenario.arm.links.len(), N => for_axes!(scenario.task, M => {
+        Box::new(ArmController::<N, M>::new(scenario, remembered))
+    }))
+}
+
+/// A law for an arm of `N` links in a task of `M` axes.
+struct ArmController<const N: usize, const M: usize> {
+    responder: Responder<f64, PlanarArm<f64, N>, M>,
+    /// For a law that has one.
     memory: Option<Memory>,
     horizon: Option<Horizon>,
-    previous: Tip<f64>,
+    previous: Previous<f64, M>,
     sample_period_ns: u64,
-    /// Of the law.
+    /// The law's name.
     name: Name,
-    /// When something is desired of the tip, s, and what.
-    foreseen: Option<(f64, Motion<f64, PLANE>)>,
+    echo_count: u64,
+    /// The desired motion at an instant to come, s.
+    precomputed: Option<(f64, Motion<f64, SVector<f64, M>, M>)>,
 }
 
-impl<const N: usize> ArmController<N> {
-    fn new(scenario: &Scenario, memory: Option<Memory>, previous: Tip<f64>) -> Self {
+impl<const N: usize, const M: usize> ArmController<N, M> {
+    fn new(scenario: &Scenario, remembered: Option<Remembered>) -> Self {
         let settings = &scenario.law;
-        let has_memory = settings.kind == LawKind::Mtj;
+        let description = settings.law.description();
+        let (memory, previous) = match remembered {
+            None => (None, Previous::none()),
+            Some(Remembered { memory, time, velocity }) => {
+                (memory, Previous { time, velocity: SVector::from_fn(|i, _| velocity[i]) })
+            }
+        };
+        let memory = memory.map_or_else(
+            || Memory::new(&settings.memory),
+            |memory| memory.adopt(&settings.memory),
+        );
         Self {
-            responder: Responder {
-                arm: scenario.arm.scaled(settings.mass_scale).build(),
-                trajectory: scenario.trajectory,
-                law: law_of(settings),
-            },
-            memory: has_memory.then(|| memory.unwrap_or_else(|| Memory::new(&settings.memory))),
+            responder: Responder::of(scenario).lift::<f64, M>(),
+            memory: description.has_memory.then_some(memory),
             horizon: settings.prediction,
             previous,
             sample_period_ns: scenario.timing.sample_period.as_nanos() as u64,
-            name: text(settings.kind.name()),
-            foreseen: None,
+            name: text(description.name),
+            echo_count: description.echo.per.count(N, M) as u64,
+            precomputed: None,
         }
     }
 
     fn forget(&mut self) {
-        self.previous = Tip::unknown();
+        self.previous = Previous::none();
         if let Some(memory) = &mut self.memory {
             memory.forget();
         }
     }
 }
 
-impl<const N: usize> Respond for ArmController<N> {
+impl<const N: usize, const M: usize> Respond for ArmController<N, M> {
     fn respond(&mut self, state: &StateSample, answered: &mut Answer) -> Result<(), LawError> {
         let header = state.header.answer();
         if header.joints as usize != N {
@@ -195,39 +214,35 @@ impl<const N: usize> Respond for ArmController<N> {
         let recollection = Recollection {
             previous: self.previous,
             horizon: prediction::horizon(self.horizon, state.latency_ns),
-            force: self.memory.as_ref().and_then(|memory| memory.recall(state)),
-            foreseen: self.foreseen,
+            echo: self.memory.as_ref().and_then(|memory| memory.recall_at(state)),
+            precomputed: self.precomputed,
         };
-        let answer = self.responder.respond(time, Posture::new(&q, &q_dot), &recollection);
-        self.previous = answer.tip;
-        if is_singular(answer.condition) {
-            return Err(LawError::Singular(time));
+        let at = Configuration::new(&q, &q_dot);
+        let Response { command, error, tip, .. } =
+            self.responder.respond(time, &at, &recollection);
+        self.previous = Previous { time, velocity: tip.velocity };
+        if is_singular(command.condition) {
+            let law = self.responder.law.description().name;
+            return Err(LawError::Singular { law, time });
         }
         if let Some(memory) = &mut self.memory {
-            memory.store(state, &answer.remembered.force);
+            memory.store(header.time_ns, &command.echo);
         }
         answered.torque = TorqueSample {
             header,
             state_sent_ns: state.sent_ns,
             residence_ns: 0,
             controller: 0,
-            echo_count: PLANE as u64,
-            torque: padded(answer.torque.as_slice()),
-            echo: padded(answer.remembered.force.as_slice()),
+            echo_count: self.echo_count,
+            torque: padded(command.torque.as_slice()),
+            echo: command.echo.into(),
         };
-        let mut signals = [0.0; MAX_SIGNALS];
-        if let Law::Mtj { .. } = self.responder.law {
-            let (factor, memory) = (answer.remembered.factor.per_axis(), answer.remembered.memory);
-            for (place, number) in signals.iter_mut().zip(factor.iter().chain(&memory)) {
-                *place = *number;
-            }
-        }
         answered.error = ErrorSample {
             header,
             law: self.name,
-            error: padded(answer.error.position.as_slice()),
-            error_rate: padded(answer.error.velocity.as_slice()),
-            signals,
+            error: padded(error.position.as_slice()),
+            error_rate: padded(error.velocity.as_slice()),
+            signals: command.signals.into(),
         };
         Ok(())
     }
@@ -236,28 +251,22 @@ impl<const N: usize> Respond for ArmController<N> {
         let next = seconds(state.header.time_ns.saturating_add(self.sample_period_ns));
         let horizon = prediction::horizon(self.horizon, state.latency_ns);
         let aim = horizon.map_or(next, |horizon| next + horizon);
-        self.foreseen = Some((aim, self.responder.trajectory.at(aim)));
+        self.precomputed = Some((aim, self.responder.trajectory.at(aim)));
     }
 
     fn remember(&mut self, torque: &TorqueSample) {
         if let Some(memory) = &mut self.memory {
-            memory.replace(&SVector::from_fn(|i, _| torque.echo[i]));
+            memory.replace(&torque.echo.into());
         }
     }
 
-    fn remembered(&self) -> (Option<Memory>, Tip<f64>) {
-        (self.memory, self.previous)
+    fn remembered(&self) -> Remembered {
+        let Previous { time, velocity } = self.previous;
+        Remembered { memory: self.memory, time, velocity: padded(velocity.as_slice()) }
     }
 }
 
 /// A sampling instant, s since the run began.
 fn seconds(time_ns: u64) -> f64 {
     time_ns as f64 * 1e-9
-}
-
-fn law_of(settings: &LawSettings) -> Law<f64> {
-    let LawSettings { kind, kp, kd, factor, acceleration, .. } = settings;
-    let of_error = Factor::new(factor.kind, factor.error, factor.error_rate);
-    let ceiling = (factor.ceiling != 1.0).then_some(factor.ceiling);
-    Law::new(*kind, *kp, *kd, of_error, ceiling, *acceleration)
 }

@@ -1,14 +1,13 @@
-//! The control laws and their memory.
+//! A control law on a bus: memory, prediction, standby.
 //!
 //! [`Controller::respond`] is the whole of it: one measured state in, one torque out. Around it,
 //! [`serve`] puts it on a bus. Inside it, following one sample:
 //!
 //! ```text
-//! state ─▶ pose ─▶ predictor ─▶ tracking error ─▶ law (tj | mtj + memory | mb) ─▶ Q̂ ─▶ τ = Jᵀ Q̂
+//! state ─▶ configuration ─▶ prediction ─▶ tracking error ─▶ law + memory ─▶ torque and echo
 //! ```
 
 pub mod controller;
-pub mod law;
 pub mod memory;
 pub mod options;
 pub mod prediction;

@@ -1,7 +1,8 @@
-//! The previous-step memory: which task force mtj adds to its next one.
+//! The previous-step memory: which echo a law gets back.
 
 use mtj_model::{
-    PLANE,
+    MAX_ECHO,
+    law::Echo,
     scenario::{MemoryPolicy, MemorySettings},
 };
 use mtj_protocol::sample::StateSample;
@@ -12,16 +13,16 @@ use nalgebra::SVector;
 /// `applied` and `delivered` come back from the plant in every state sample, so a controller that
 /// takes over in mid-run knows them at once. Only `sent` is kept here.
 #[derive(Clone, Copy, Debug)]
-pub struct Memory {
+pub struct Memory<const E: usize = MAX_ECHO> {
     policy: MemoryPolicy,
     step_ns: u64,
-    latched: SVector<f64, PLANE>,
+    latched: SVector<f64, E>,
     /// When the memory step ends in which that was computed, ns; 0 if that is not known.
     step_ends_ns: u64,
     is_first: bool,
 }
 
-impl Memory {
+impl<const E: usize> Memory<E> {
     /// An empty memory: the first [`Memory::recall`] gives nothing, whatever the policy.
     pub fn new(settings: &MemorySettings) -> Self {
         Self {
@@ -47,19 +48,14 @@ impl Memory {
         if step_ns == self.step_ns { adopted } else { Self { step_ns, step_ends_ns: 0, ..adopted } }
     }
 
-    /// The remembered task force at a sample, N; `None` at the first one.
-    pub fn recall(&self, state: &StateSample) -> Option<SVector<f64, PLANE>> {
-        let in_plane = |force: &[f64]| SVector::from_fn(|i, _| force[i]);
-        self.recall_from(|| in_plane(&state.applied), || in_plane(&state.delivered))
-    }
-
-    /// The same from what the plant has `applied` and `delivered`; only what the policy needs is asked for.
+    /// The remembered echo at a sample, from what the plant has `applied` and `delivered`; `None` at the
+    /// first sample. Only what the policy needs is asked for.
     #[inline(always)]
-    pub fn recall_from(
+    pub fn recall(
         &self,
-        applied: impl FnOnce() -> SVector<f64, PLANE>,
-        delivered: impl FnOnce() -> SVector<f64, PLANE>,
-    ) -> Option<SVector<f64, PLANE>> {
+        applied: impl FnOnce() -> SVector<f64, E>,
+        delivered: impl FnOnce() -> SVector<f64, E>,
+    ) -> Option<SVector<f64, E>> {
         (!self.is_first).then(|| match self.policy {
             MemoryPolicy::Sent => self.latched,
             MemoryPolicy::Applied => applied(),
@@ -67,24 +63,26 @@ impl Memory {
         })
     }
 
-    /// Remembers the task force computed at a sample: the first one in each memory step is latched
-    /// and serves until the next, so with Δt = T_s it is always the previous one.
-    pub fn store(&mut self, state: &StateSample, force: &SVector<f64, PLANE>) {
-        self.store_at(state.header.time_ns, force);
-    }
-
-    /// The same for a sample taken at `time_ns`.
+    /// Remembers the echo computed at a sample taken at `time_ns`: the first one in each memory step is
+    /// latched and serves until the next, so with Δt = T_s it is always the previous one.
     #[inline(always)]
-    pub fn store_at(&mut self, time_ns: u64, force: &SVector<f64, PLANE>) {
+    pub fn store(&mut self, time_ns: u64, echo: &SVector<f64, E>) {
         self.is_first = false;
         if time_ns >= self.step_ends_ns {
             self.step_ends_ns = (time_ns - time_ns % self.step_ns).saturating_add(self.step_ns);
-            self.latched = *force;
+            self.latched = *echo;
         }
     }
 
-    /// Remembers another task force for the step of the last sample.
-    pub fn replace(&mut self, force: &SVector<f64, PLANE>) {
-        self.latched = *force;
+    /// Remembers another echo for the step of the last sample.
+    pub fn replace(&mut self, echo: &SVector<f64, E>) {
+        self.latched = *echo;
+    }
+}
+
+impl Memory {
+    /// The remembered echo at a state; `None` at the first.
+    pub fn recall_at(&self, state: &StateSample) -> Option<Echo<f64>> {
+        self.recall(|| state.applied.into(), || state.delivered.into())
     }
 }

@@ -2,7 +2,11 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::{matrix, scalar::Scalar};
+use crate::{
+    MAX_AXES, lift, matrix,
+    scalar::Scalar,
+    scenario::section::{self, ScenarioError, Section},
+};
 
 /// A positive definite gain matrix over `M` task axes.
 ///
@@ -31,6 +35,50 @@ impl<T: Scalar, const M: usize> Gains<T, M> {
             Self::Diagonal(diagonal) => SMatrix::from_diagonal(diagonal),
             Self::Full(full) => *full,
         }
+    }
+}
+
+lift! { enum Gains<T, M> { Diagonal(diagonal), Full(full) } }
+
+impl Gains<f64, MAX_AXES> {
+    /// Reads a gain over `axes` task axes; `None` if the key is absent. On axes that the task does not
+    /// have, it is one.
+    pub fn read(
+        section: &Section<'_>,
+        key: &str,
+        axes: usize,
+    ) -> Result<Option<Self>, ScenarioError> {
+        section.optional(key, &Self::form(axes), |value| Self::of(value, axes))
+    }
+
+    /// Reads a gain that must be there.
+    pub fn required(section: &Section<'_>, key: &str, axes: usize) -> Result<Self, ScenarioError> {
+        section.required(key, &Self::form(axes), |value| Self::of(value, axes))
+    }
+
+    /// What is accepted, in words.
+    pub fn form(axes: usize) -> String {
+        format!(
+            "a positive definite gain: one number, a list of {axes} for a diagonal, or {axes} rows of {axes}"
+        )
+    }
+
+    /// The gain that a value says, if it is positive definite.
+    pub fn of(value: &toml::Value, axes: usize) -> Option<Self> {
+        let gains = if let Some(number) = section::number(value) {
+            Self::Diagonal(SVector::repeat(number))
+        } else if let Some(diagonal) = section::numbers(value, axes) {
+            Self::Diagonal(SVector::from_fn(|i, _| diagonal.get(i).copied().unwrap_or(1.0)))
+        } else {
+            let rows = value.as_array().filter(|rows| rows.len() == axes)?;
+            let rows: Vec<_> =
+                rows.iter().map(|row| section::numbers(row, axes)).collect::<Option<_>>()?;
+            let entry = |i: usize, j: usize| rows.get(i).and_then(|row| row.get(j)).copied();
+            Self::Full(SMatrix::from_fn(|i, j| {
+                entry(i, j).unwrap_or(if i == j { 1.0 } else { 0.0 })
+            }))
+        };
+        gains.is_positive_definite().then_some(gains)
     }
 }
 

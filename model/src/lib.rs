@@ -5,8 +5,9 @@
 //! | [`scalar`] | the number type everything here is generic over |
 //! | [`lanes`] | such a number with several lanes |
 //! | [`matrix`] | products and factorisations with exactly the operations they need |
-//! | [`arm`] | the planar serial arm: kinematics, H, C, forward dynamics |
-//! | [`task`] | the same dynamics seen from the tip: Ĥ and Ĉ of eq. (3) |
+//! | [`lift`](mod@lift) | values whose numbers can be put into lanes |
+//! | [`arm`] | kinematics, H, C, forward dynamics of an arm; Ĥ and Ĉ of eq. (3) |
+//! | [`task`] | what of the tip is controlled; the tracking error |
 //! | [`trajectory`] | desired motions with exact first and second derivatives |
 //! | [`gains`] | the positive definite matrices K_p and K_d |
 //! | [`law`] | the control laws, one file each |
@@ -19,6 +20,7 @@ pub mod arm;
 pub mod gains;
 pub mod lanes;
 pub mod law;
+pub mod lift;
 pub mod matrix;
 pub mod scalar;
 pub mod scenario;
@@ -33,8 +35,6 @@ pub const MAX_AXES: usize = 6;
 pub const MAX_ECHO: usize = 7;
 /// The most numbers in a law's signals.
 pub const MAX_SIGNALS: usize = 14;
-/// Task axes of the arms that a scenario describes: the tip's position in the plane.
-pub const PLANE: usize = 2;
 
 /// Evaluates an expression with the constant `$N` bound to the number of links, 1 to 7.
 ///

@@ -47,7 +47,13 @@ pub fn product<T: Scalar, const R: usize, const C: usize, const K: usize>(
 /// ‖x‖.
 #[inline(always)]
 pub fn norm<T: Scalar, const R: usize>(x: &SVector<T, R>) -> T {
-    sum_of(R, |i| x[i] * x[i]).sqrt()
+    squared_norm(x).sqrt()
+}
+
+/// ‖x‖².
+#[inline(always)]
+pub fn squared_norm<T: Scalar, const R: usize>(x: &SVector<T, R>) -> T {
+    sum_of(R, |i| x[i] * x[i])
 }
 
 /// ‖A‖, the root of the sum of all squares.
@@ -56,9 +62,12 @@ pub fn size<T: Scalar, const R: usize, const C: usize>(a: &SMatrix<T, R, C>) -> 
     sum_of(C, |j| sum_of(R, |i| a[(i, j)] * a[(i, j)])).sqrt()
 }
 
-/// A⁻¹; not finite where there is none.
+/// A⁻¹ of a matrix of two rows; not finite where there is none, and for other matrices.
 #[inline(always)]
-pub fn inverse<T: Scalar>(a: &SMatrix<T, 2, 2>) -> SMatrix<T, 2, 2> {
+pub fn inverse<T: Scalar, const M: usize>(a: &SMatrix<T, M, M>) -> SMatrix<T, M, M> {
+    if M != 2 {
+        return SMatrix::repeat(T::constant(f64::NAN));
+    }
     let determinant = a[(0, 0)] * a[(1, 1)] - a[(1, 0)] * a[(0, 1)];
     let mut inverse = SMatrix::zeros();
     inverse[(0, 0)] = a[(1, 1)] / determinant;
@@ -106,6 +115,23 @@ pub fn solve_positive_definite<T: Scalar, const N: usize>(
         }
     }
     x
+}
+
+/// A⁻¹ of a symmetric positive definite A, column by column.
+#[inline(always)]
+pub fn positive_definite_inverse<T: Scalar, const N: usize>(
+    a: &SMatrix<T, N, N>,
+) -> SMatrix<T, N, N> {
+    let mut inverse = SMatrix::zeros();
+    for j in 0..N {
+        let mut unit = SVector::<T, N>::zeros();
+        unit[j] = T::one();
+        let column = solve_positive_definite(a, &unit);
+        for i in 0..N {
+            inverse[(i, j)] = column[i];
+        }
+    }
+    inverse
 }
 
 /// term(0) + term(1) + …, with one addition fewer than there are terms.

@@ -1,10 +1,106 @@
-//! The arm's dynamics seen from the task.
+//! The task: what of the tip is controlled.
+//!
+//! A task is known by the type of its points. [`Task`] is the only place that knows how two points are
+//! compared and how a point is moved, so that an orientation need not be a vector. The tracking error
+//! is computed here and nowhere else.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 
-use crate::{matrix, scalar::Scalar};
+use crate::{
+    scalar::Scalar,
+    trajectory::{Motion, Trajectory},
+};
 
-/// A task, described: what of the tip is controlled.
+/// A task with `M` axes; implemented by the type of its points.
+pub trait Task<T: Scalar, const M: usize>: Copy {
+    /// desired ⊖ actual, one number an axis.
+    fn difference(desired: &Self, actual: &Self) -> SVector<T, M>;
+    /// The point that is a small `step` along the axes from this one.
+    fn integrate(&self, step: &SVector<T, M>) -> Self;
+    /// The desired motion at `time`, s.
+    fn desired(trajectory: &Trajectory<T>, time: T) -> Motion<T, Self, M>;
+}
+
+/// Points that are vectors: positions.
+impl<T: Scalar, const M: usize> Task<T, M> for SVector<T, M> {
+    #[inline(always)]
+    fn difference(desired: &Self, actual: &Self) -> Self {
+        desired - actual
+    }
+
+    #[inline(always)]
+    fn integrate(&self, step: &Self) -> Self {
+        self + step
+    }
+
+    #[inline(always)]
+    fn desired(trajectory: &Trajectory<T>, time: T) -> Motion<T, Self, M> {
+        trajectory.at(time)
+    }
+}
+
+/// Where the tip is at an instant and how it moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tip<T, P, const M: usize> {
+    /// The instant, s since the run began.
+    pub time: T,
+    /// The point.
+    pub point: P,
+    /// Its rate along the axes, m/s.
+    pub velocity: SVector<T, M>,
+}
+
+impl<T: Scalar, P: Task<T, M>, const M: usize> Tip<T, P, M> {
+    /// a = (v_k − v_{k−1})/(t_k − t_{k−1}) since an earlier sample, m/s²; zero where there was none.
+    #[inline(always)]
+    pub fn acceleration_since(&self, previous: &Previous<T, M>) -> SVector<T, M> {
+        let period = self.time - previous.time;
+        let mut acceleration = SVector::zeros();
+        for i in 0..M {
+            let difference = (self.velocity[i] - previous.velocity[i]) / period;
+            acceleration[i] = previous.time.where_below(self.time, difference, T::zero());
+        }
+        acceleration
+    }
+}
+
+/// What is remembered of the tip at the sample before.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Previous<T, const M: usize> {
+    /// s; infinite if there was none.
+    pub time: T,
+    /// m/s.
+    pub velocity: SVector<T, M>,
+}
+
+impl<T: Scalar, const M: usize> Previous<T, M> {
+    /// Before the first sample.
+    pub fn none() -> Self {
+        Self { time: T::constant(f64::INFINITY), velocity: SVector::zeros() }
+    }
+}
+
+/// How far the tip is from where it should be, eq. (6).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackingError<T, const M: usize> {
+    /// e = desired ⊖ actual, m.
+    pub position: SVector<T, M>,
+    /// ė, m/s.
+    pub velocity: SVector<T, M>,
+}
+
+impl<T: Scalar, const M: usize> TrackingError<T, M> {
+    /// Of a tip, from a desired motion.
+    #[inline(always)]
+    pub fn between<P: Task<T, M>>(desired: &Motion<T, P, M>, tip: &Tip<T, P, M>) -> Self {
+        Self {
+            position: P::difference(&desired.point, &tip.point),
+            velocity: desired.velocity - tip.velocity,
+        }
+    }
+}
+
+/// A task, described.
 #[derive(Debug, PartialEq)]
 pub struct Description {
     /// The name in scenarios.
@@ -28,35 +124,14 @@ pub const TASKS: &[Description] = &[Description {
     axes: &[Axis { name: "x", unit: "m" }, Axis { name: "y", unit: "m" }],
 }];
 
-/// Eq. (3): Ĥ ẍ + Ĉ = Q̂ for a square, non-singular Jacobian.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TaskDynamics<T, const N: usize> {
-    /// Ĥ = J⁻ᵀ H J⁻¹: the mass that a force at the tip feels, kg.
-    pub inertia: SMatrix<T, N, N>,
-    /// Ĉ = J⁻ᵀ C − Ĥ J̇ q̇, N.
-    ///
-    /// The paper prints eq. (3b) with the dot on Ĥ instead of on J; this is what follows from
-    /// substituting q̈ = J⁻¹ (ẍ − J̇ q̇) into eq. (1).
-    pub velocity_terms: SVector<T, N>,
-}
-
-impl<T: Scalar, const N: usize> TaskDynamics<T, N> {
-    /// From the joint-space terms H and C, the inverse Jacobian and J̇ q̇.
-    #[inline(always)]
-    pub fn new(
-        inertia: &SMatrix<T, N, N>,
-        velocity_terms: &SVector<T, N>,
-        jacobian_inverse: &SMatrix<T, N, N>,
-        jacobian_rate_velocity: &SVector<T, N>,
-    ) -> Self {
-        let task_inertia = matrix::transpose_product(
-            jacobian_inverse,
-            &matrix::product(inertia, jacobian_inverse),
-        );
-        Self {
-            inertia: task_inertia,
-            velocity_terms: matrix::transpose_times(jacobian_inverse, velocity_terms)
-                - matrix::times(&task_inertia, jacobian_rate_velocity),
-        }
-    }
+/// Evaluates an expression with the constant `$M` bound to the number of axes of a task.
+///
+/// `for_axes!(scenario.task, M => controller::<M>(scenario))`
+#[macro_export]
+macro_rules! for_axes {
+    ($task:expr, $M:ident => $body:expr) => {{
+        debug_assert_eq!($task.axes.len(), 2, "the plane is the only task");
+        const $M: usize = 2;
+        $body
+    }};
 }

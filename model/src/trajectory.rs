@@ -2,13 +2,13 @@
 
 use nalgebra::{SVector, Vector2};
 
-use crate::scalar::Scalar;
+use crate::{lift, scalar::Scalar};
 
-/// Where the tip should be and how it should move there.
+/// Where the tip should be and how it should move there, for a task whose points are `P`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Motion<T, const M: usize> {
-    /// m.
-    pub position: SVector<T, M>,
+pub struct Motion<T, P, const M: usize> {
+    /// The point, m.
+    pub point: P,
     /// m/s.
     pub velocity: SVector<T, M>,
     /// m/s².
@@ -59,10 +59,24 @@ pub struct PointToPoint<T> {
     pub duration: T,
 }
 
+/// A motion in the plane.
+type PlaneMotion<T> = Motion<T, Vector2<T>, 2>;
+
 impl<T: Scalar> Trajectory<T> {
-    /// The desired motion at `time` seconds.
+    /// The desired motion at `time` seconds, in a task whose points are positions: its first axes are
+    /// those of the plane, and any other rests at zero.
     #[inline(always)]
-    pub fn at(&self, time: T) -> Motion<T, 2> {
+    pub fn at<const M: usize>(&self, time: T) -> Motion<T, SVector<T, M>, M> {
+        let Motion { point, velocity, acceleration } = self.in_plane(time);
+        Motion {
+            point: first_axes(&point),
+            velocity: first_axes(&velocity),
+            acceleration: first_axes(&acceleration),
+        }
+    }
+
+    #[inline(always)]
+    fn in_plane(&self, time: T) -> PlaneMotion<T> {
         match self {
             Self::Circle(circle) => circle.at(time),
             Self::PerturbedCircle(circle, ripple) => {
@@ -71,7 +85,7 @@ impl<T: Scalar> Trajectory<T> {
                 let (sin, cos) = (rate * time).sin_cos();
                 let swing = ripple.amplitude * rate;
                 let both = |value: T| Vector2::new(value, value);
-                motion.position += both(ripple.amplitude * sin);
+                motion.point += both(ripple.amplitude * sin);
                 motion.velocity += both(swing * cos);
                 motion.acceleration -= both(swing * rate * sin);
                 motion
@@ -83,12 +97,12 @@ impl<T: Scalar> Trajectory<T> {
 
 impl<T: Scalar> Circle<T> {
     #[inline(always)]
-    fn at(&self, time: T) -> Motion<T, 2> {
+    fn at(&self, time: T) -> PlaneMotion<T> {
         let rate = self.angular_frequency;
         let (sin, cos) = (rate * time + self.phase).sin_cos();
         let spoke = Vector2::new(cos, sin) * self.radius;
         Motion {
-            position: self.center + spoke,
+            point: self.center + spoke,
             velocity: Vector2::new(-spoke.y, spoke.x) * rate,
             acceleration: spoke * -(rate * rate),
         }
@@ -97,7 +111,7 @@ impl<T: Scalar> Circle<T> {
 
 impl<T: Scalar> PointToPoint<T> {
     #[inline(always)]
-    fn at(&self, time: T) -> Motion<T, 2> {
+    fn at(&self, time: T) -> PlaneMotion<T> {
         let c = T::constant;
         let s = time / self.duration;
         let way = self.to - self.from;
@@ -115,12 +129,26 @@ impl<T: Scalar> PointToPoint<T> {
         let arrived = |arrived: T, under_way: T| s.where_below(one, under_way, arrived);
         let there = self.from + way * part;
         Motion {
-            position: Vector2::new(arrived(self.to.x, there.x), arrived(self.to.y, there.y)),
+            point: Vector2::new(arrived(self.to.x, there.x), arrived(self.to.y, there.y)),
             velocity: way * speed,
             acceleration: way * change,
         }
     }
 }
+
+#[inline(always)]
+fn first_axes<T: Scalar, const M: usize>(plane: &Vector2<T>) -> SVector<T, M> {
+    let mut axes = SVector::zeros();
+    for i in 0..M.min(2) {
+        axes[i] = plane[i];
+    }
+    axes
+}
+
+lift! { enum Trajectory<T> { PerturbedCircle(circle, ripple), Circle(circle), PointToPoint(line) } }
+lift! { struct Circle<T> { center, radius, angular_frequency, phase } }
+lift! { struct Ripple<T> { amplitude, multiple } }
+lift! { struct PointToPoint<T> { from, to, duration } }
 
 #[cfg(test)]
 mod tests {
@@ -151,8 +179,8 @@ mod tests {
             for i in 0..50 {
                 let t = 0.037 + 0.05 * f64::from(i);
                 let (before, now, after) =
-                    (trajectory.at(t - h), trajectory.at(t), trajectory.at(t + h));
-                let velocity = (after.position - before.position) / (2.0 * h);
+                    (trajectory.at::<2>(t - h), trajectory.at::<2>(t), trajectory.at::<2>(t + h));
+                let velocity = (after.point - before.point) / (2.0 * h);
                 let acceleration = (after.velocity - before.velocity) / (2.0 * h);
                 assert!((velocity - now.velocity).norm() < 1e-8, "{trajectory:?} at {t}");
                 assert!((acceleration - now.acceleration).norm() < 1e-7, "{trajectory:?} at {t}");
@@ -171,19 +199,19 @@ mod tests {
             phase: std::f64::consts::FRAC_PI_4,
         };
         let at =
-            Trajectory::PerturbedCircle(circle, Ripple { amplitude: 0.1, multiple: 5.0 }).at(t);
+            Trajectory::PerturbedCircle(circle, Ripple { amplitude: 0.1, multiple: 5.0 }).at::<2>(t);
         let angle = omega * t + std::f64::consts::FRAC_PI_4;
         let ripple = 0.1 * (5.0 * omega * t).sin();
-        assert!((at.position.x - (radius * angle.cos() + ripple)).abs() < 1e-14);
-        assert!((at.position.y - (radius * angle.sin() + ripple)).abs() < 1e-14);
+        assert!((at.point.x - (radius * angle.cos() + ripple)).abs() < 1e-14);
+        assert!((at.point.y - (radius * angle.sin() + ripple)).abs() < 1e-14);
     }
 
     #[test]
     fn a_point_to_point_motion_starts_and_ends_at_rest() {
         let line = all()[2];
         for (t, x) in [(-1.0, 1.0), (0.0, 1.0), (2.0, 0.2), (9.0, 0.2)] {
-            let at = line.at(t);
-            assert_eq!((at.position.x, at.velocity.norm(), at.acceleration.norm()), (x, 0.0, 0.0));
+            let at = line.at::<2>(t);
+            assert_eq!((at.point.x, at.velocity.norm(), at.acceleration.norm()), (x, 0.0, 0.0));
         }
     }
 }

@@ -7,11 +7,7 @@
 //!
 //! The scalar reference is [`crate::simulator`].
 
-use mtj_model::{
-    PLANE,
-    arm::{PlanarArm, Posture},
-    lanes::Lanes,
-};
+use mtj_model::{arm::Arm, lanes::Lanes};
 use nalgebra::SVector;
 
 /// The longest step, s: longer than any sample period that a loop is closed with.
@@ -24,9 +20,9 @@ const GROWTH: f64 = 4.0;
 const CAUTION: f64 = 0.9;
 
 /// An arm in each lane, integrated to where its next event is.
-pub struct DormandPrince<T, const N: usize> {
+pub struct DormandPrince<T: Lanes, A: Arm<T, N>, const N: usize> {
     /// The arms.
-    pub arm: PlanarArm<T, N>,
+    pub arm: A,
     /// The most that the estimated error of a step may be: Σ over the joints of the errors of q in rad
     /// and of q̇ in rad/s.
     pub tolerance: T,
@@ -42,13 +38,13 @@ pub struct DormandPrince<T, const N: usize> {
     pub remaining: T,
     /// The step that the last estimate allows, s.
     pub step: T,
-    posture: Posture<T, N>,
+    configuration: A::Configuration,
 }
 
-impl<T: Lanes, const N: usize> DormandPrince<T, N> {
+impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
     /// Arms that stand still at zero.
     #[inline(always)]
-    pub fn new(arm: PlanarArm<T, N>) -> Self {
+    pub fn new(arm: A) -> Self {
         let zero = SVector::zeros();
         Self {
             arm,
@@ -59,7 +55,7 @@ impl<T: Lanes, const N: usize> DormandPrince<T, N> {
             torque: zero,
             remaining: T::zero(),
             step: T::constant(LONGEST),
-            posture: Posture::new(&zero, &zero),
+            configuration: A::configuration(&zero, &zero),
         }
     }
 
@@ -79,34 +75,28 @@ impl<T: Lanes, const N: usize> DormandPrince<T, N> {
     /// Takes notice of states that were set.
     #[inline(always)]
     pub fn settle(&mut self) {
-        self.posture = Posture::new(&self.position, &self.velocity);
+        self.configuration = A::configuration(&self.position, &self.velocity);
     }
 
-    /// How the arms stand.
+    /// The configurations of the arms.
     #[inline(always)]
-    pub fn posture(&self) -> Posture<T, N> {
-        self.posture
-    }
-
-    /// The true positions of the tips, m.
-    #[inline(always)]
-    pub fn tip(&self) -> SVector<T, PLANE> {
-        self.arm.in_posture(self.posture).tip()
+    pub fn configuration(&self) -> &A::Configuration {
+        &self.configuration
     }
 
     /// q̈ under the torque in effect, rad/s².
     #[inline(always)]
-    fn pull(&self, posture: &Posture<T, N>) -> SVector<T, N> {
-        self.arm.in_posture(*posture).acceleration(&self.torque)
+    fn acceleration(&self, at: &A::Configuration) -> SVector<T, N> {
+        self.arm.acceleration(at, &self.torque)
     }
 
-    /// The rate of change a step `h` along a mean rate, and angles and posture there.
+    /// The rate of change a step `h` along a mean rate, and angles and configuration there.
     #[inline(always)]
-    fn stage(&self, h: T, mean: Rate<T, N>) -> (Rate<T, N>, SVector<T, N>, Posture<T, N>) {
-        let position = self.position + mean.speed * h;
-        let velocity = self.velocity + mean.pull * h;
-        let posture = Posture::new(&position, &velocity);
-        (Rate { speed: velocity, pull: self.pull(&posture) }, position, posture)
+    fn stage(&self, h: T, mean: Rate<T, N>) -> (Rate<T, N>, SVector<T, N>, A::Configuration) {
+        let position = self.position + mean.velocity * h;
+        let velocity = self.velocity + mean.acceleration * h;
+        let at = A::configuration(&position, &velocity);
+        (Rate { velocity, acceleration: self.acceleration(&at) }, position, at)
     }
 
     /// Tries a step towards the next event in every lane that has not reached it. Where the estimated
@@ -118,7 +108,10 @@ impl<T: Lanes, const N: usize> DormandPrince<T, N> {
         let steps = steps.where_below(T::one(), T::one(), steps);
         let h = self.remaining / steps;
 
-        let start = Rate { speed: self.velocity, pull: self.pull(&self.posture) };
+        let start = Rate {
+            velocity: self.velocity,
+            acceleration: self.acceleration(&self.configuration),
+        };
         let k1 = &start;
         let (k2, ..) = &self.stage(h, sum([(1.0 / 5.0, k1)]));
         let (k3, ..) = &self.stage(h, sum([(3.0 / 40.0, k1), (9.0 / 40.0, k2)]));
@@ -144,7 +137,7 @@ impl<T: Lanes, const N: usize> DormandPrince<T, N> {
             ]),
         );
         // The fifth-order result.
-        let (k7, position, posture) = &self.stage(
+        let (k7, position, configuration) = &self.stage(
             h,
             sum([
                 (35.0 / 384.0, k1),
@@ -154,7 +147,7 @@ impl<T: Lanes, const N: usize> DormandPrince<T, N> {
                 (11.0 / 84.0, k6),
             ]),
         );
-        let velocity = &k7.speed;
+        let velocity = &k7.velocity;
         // How far the fourth-order one is from it.
         let error = sum([
             (71.0 / 57600.0, k1),
@@ -166,7 +159,7 @@ impl<T: Lanes, const N: usize> DormandPrince<T, N> {
         ]);
         let mut size = T::zero();
         for joint in 0..N {
-            size += error.speed[joint].abs() + error.pull[joint].abs();
+            size += error.velocity[joint].abs() + error.acceleration[joint].abs();
         }
         size *= h;
 
@@ -185,7 +178,7 @@ impl<T: Lanes, const N: usize> DormandPrince<T, N> {
             self.position[joint] = accept(position[joint], self.position[joint]);
             self.velocity[joint] = accept(velocity[joint], self.velocity[joint]);
         }
-        self.posture = posture.zip(&self.posture, accept);
+        self.configuration = A::combine(configuration, &self.configuration, accept);
         self.energy = accept(self.energy + work, self.energy);
         self.remaining = accept(self.remaining - h, self.remaining);
         self.step = T::zero().where_below(h, self.next_step(h, size), self.step);
@@ -214,9 +207,9 @@ impl<T: Lanes, const N: usize> DormandPrince<T, N> {
 /// A rate of change of the state.
 struct Rate<T, const N: usize> {
     /// q̇, rad/s.
-    speed: SVector<T, N>,
+    velocity: SVector<T, N>,
     /// q̈, rad/s².
-    pull: SVector<T, N>,
+    acceleration: SVector<T, N>,
 }
 
 /// ∫|q̇| dt over a step of one joint, rad, from the angle Δq it turned and its speeds at both ends.
@@ -250,16 +243,17 @@ fn path<T: Lanes>(h: T, turned: T, v0: T, v1: T) -> T {
 #[inline(always)]
 fn sum<T: Lanes, const N: usize, const K: usize>(terms: [(f64, &Rate<T, N>); K]) -> Rate<T, N> {
     let zero = SVector::zeros();
-    let mut sum = Rate { speed: zero, pull: zero };
+    let mut sum = Rate { velocity: zero, acceleration: zero };
     for joint in 0..N {
         for (i, (weight, rate)) in terms.iter().enumerate() {
             let weight = T::constant(*weight);
-            let (speed, pull) = (rate.speed[joint] * weight, rate.pull[joint] * weight);
+            let (velocity, acceleration) =
+                (rate.velocity[joint] * weight, rate.acceleration[joint] * weight);
             if i == 0 {
-                (sum.speed[joint], sum.pull[joint]) = (speed, pull);
+                (sum.velocity[joint], sum.acceleration[joint]) = (velocity, acceleration);
             } else {
-                sum.speed[joint] += speed;
-                sum.pull[joint] += pull;
+                sum.velocity[joint] += velocity;
+                sum.acceleration[joint] += acceleration;
             }
         }
     }

@@ -3,7 +3,6 @@
 use std::time::{Duration, Instant};
 
 use mtj_model::{
-    PLANE,
     scenario::{ClockKind, Scenario},
 };
 use mtj_protocol::{
@@ -111,7 +110,7 @@ impl<'a> Plant<'a> {
         let header = Header {
             version: VERSION,
             joints: scenario.arm.links.len() as u32,
-            axes: PLANE as u32,
+            axes: scenario.task.axes.len() as u32,
             run,
             ..Header::default()
         };
@@ -269,7 +268,7 @@ impl<'a> Plant<'a> {
         self.header.time_ns = time_ns;
         let (tip, _) = self.simulator.tip();
         let time = time_ns as f64 * 1e-9;
-        let desired = self.scenario.trajectory.at(time).position;
+        let desired = self.scenario.trajectory.at::<2>(time).point;
         self.measures.sample(time_ns, (desired - tip).norm_squared());
         let (true_position, true_velocity) = (self.simulator.position(), self.simulator.velocity());
         if self.watch.trace {

@@ -134,7 +134,7 @@ impl<const N: usize> Measures<N> {
             scenario: scenario.name.clone(),
             bus: scenario.bus.kind.name().to_owned(),
             clock: scenario.timing.clock.name().to_owned(),
-            law: scenario.law.kind.name().to_owned(),
+            law: scenario.law.law.description().name.to_owned(),
             duration_s: time_ns as f64 * 1e-9,
             samples: self.samples,
             rms_error_m: over_half((self.squared_error / self.counted.max(1) as f64).sqrt()),

@@ -1,8 +1,11 @@
 //! The arm in motion: a fixed-step fourth-order Runge–Kutta integrator between events.
 
 use mtj_model::{
-    MAX_JOINTS, PLANE,
-    arm::PlanarArm,
+    MAX_JOINTS,
+    arm::{
+        Arm, Kinematics,
+        planar::{Configuration, PlanarArm},
+    },
     for_links,
     scenario::{ArmSettings, Scenario},
 };
@@ -51,7 +54,7 @@ pub trait Simulator {
     /// ∫ Σ|τᵢ q̇ᵢ| dt so far, J.
     fn energy(&self) -> f64;
     /// True tip position and velocity, m and m/s.
-    fn tip(&self) -> (SVector<f64, PLANE>, SVector<f64, PLANE>);
+    fn tip(&self) -> (SVector<f64, 2>, SVector<f64, 2>);
     /// Whether the state is still one of a robot: finite and no joint beyond [`RUNAWAY`].
     fn has_diverged(&self) -> bool;
 }
@@ -98,7 +101,9 @@ impl<const N: usize> RungeKutta<N> {
         let all = torque + self.disturbance;
         State {
             position: state.velocity,
-            velocity: self.arm.acceleration(&state.position, &state.velocity, &all),
+            velocity: self
+                .arm
+                .acceleration(&Configuration::new(&state.position, &state.velocity), &all),
             energy: torque.component_mul(&state.velocity).abs().sum(),
         }
     }
@@ -158,9 +163,9 @@ impl<const N: usize> Simulator for RungeKutta<N> {
         self.state.energy
     }
 
-    fn tip(&self) -> (SVector<f64, PLANE>, SVector<f64, PLANE>) {
-        let pose = self.arm.pose(&self.state.position, &self.state.velocity);
-        (pose.tip(), pose.tip_velocity())
+    fn tip(&self) -> (SVector<f64, 2>, SVector<f64, 2>) {
+        let at = Configuration::new(&self.state.position, &self.state.velocity);
+        (self.arm.tip(&at), self.arm.tip_velocity(&at))
     }
 
     fn has_diverged(&self) -> bool {

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use mtj_model::{MAX_AXES, MAX_JOINTS, PLANE};
+use mtj_model::{MAX_JOINTS};
 use mtj_protocol::sample::{Echo, Joints};
 
 /// What was true at one sampling instant. Nothing in it depends on wall time, unless the run does.
@@ -15,9 +15,9 @@ pub struct Row {
     /// True joint velocities, rad/s.
     pub velocity: Joints,
     /// True tip, m.
-    pub tip: [f64; PLANE],
+    pub tip: [f64; 2],
     /// Where it should be, m.
-    pub desired: [f64; PLANE],
+    pub desired: [f64; 2],
     /// Torque in effect when the sample was taken, N m.
     pub torque: Joints,
     /// The law's echo in effect when the sample was taken.
@@ -26,7 +26,7 @@ pub struct Row {
 
 impl Row {
     /// desired − true, m.
-    pub fn error(&self) -> [f64; PLANE] {
+    pub fn error(&self) -> [f64; 2] {
         std::array::from_fn(|i| self.desired[i] - self.tip[i])
     }
 }
@@ -34,7 +34,7 @@ impl Row {
 /// Writes rows as CSV with a header line; numbers are printed so that they read back exactly.
 pub fn write_csv(out: &mut impl Write, joints: usize, rows: &[Row]) -> io::Result<()> {
     let joints = joints.min(MAX_JOINTS);
-    let axes = PLANE.min(MAX_AXES);
+    let axes = 2;
     let numbered =
         |name: &str, count| (1..=count).map(|i| format!(",{name}{i}")).collect::<String>();
     writeln!(

@@ -1,42 +1,132 @@
 //! Model-based control, or computed torque.
 
+use nalgebra::{SMatrix, SVector};
+
 use super::{
-    describe::{Default, Description, Form, Parameter},
-    tj::FORCE,
+    Command, Declaration, Equation, Situation,
+    describe::{Description, Parameter},
+    tj::{FORCE, KD, KP},
+};
+use crate::{
+    MAX_AXES,
+    arm::{Kinematics, TaskDynamics},
+    gains::Gains,
+    lift, matrix,
+    scalar::Scalar,
+    scenario::{
+        ArmSettings, MASS_SCALE,
+        section::{ScenarioError, Section},
+    },
+    task::{self, TrackingError},
 };
 
-/// mb.
-pub const DESCRIPTION: Description = Description {
-    name: "mb",
-    title: "computed torque",
-    equation: "Q̂ = Ĥ (ẍ_d + K_d ė + K_p e) + Ĉ (4)",
-    parameters: &[
-        Parameter {
-            key: "law.kp",
-            label: "K_p",
-            form: Form::Matrix,
-            unit: "1/s²",
-            default: Default::Required,
-            help: "Acceleration for each metre of tracking error.",
-        },
-        Parameter {
-            key: "law.kd",
-            label: "K_d",
-            form: Form::Matrix,
-            unit: "1/s",
-            default: Default::Required,
-            help: "Acceleration for each m/s of tracking error's rate.",
-        },
-        Parameter {
-            key: "law.model.mass_scale",
-            label: "model mass",
-            form: Form::Number,
-            unit: "",
-            default: Default::Value("1.0"),
-            help: "What the model's masses and inertias are multiplied with.",
-        },
-    ],
-    echo: FORCE,
-    has_memory: false,
-    signals: &[],
+/// Q̂ = Ĥ (K_p e + K_d ė + ẍ_d) + Ĉ, eq. (4), which makes the error obey eq. (5):
+/// ë + K_d ė + K_p e = 0, if the model is exact. K_p in 1/s², K_d in 1/s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ModelBased<T, const M: usize> {
+    /// K_p.
+    pub kp: Gains<T, M>,
+    /// K_d.
+    pub kd: Gains<T, M>,
+}
+
+lift! { struct ModelBased<T, M> { kp, kd } }
+
+/// law.kp of a law whose gains act on accelerations.
+pub(super) const KP_OF_ACCELERATION: Parameter = Parameter {
+    unit: "1/s²",
+    help: "Stiffness: acceleration for each metre of tracking error.",
+    ..KP
 };
+
+/// law.kd of a law whose gains act on accelerations.
+pub(super) const KD_OF_ACCELERATION: Parameter = Parameter {
+    unit: "1/s",
+    help: "Damping: acceleration for each m/s of the tracking error's rate.",
+    ..KD
+};
+
+impl Declaration for ModelBased<f64, MAX_AXES> {
+    const DESCRIPTION: Description = Description {
+        name: "mb",
+        title: "computed torque",
+        equation: "Q̂ = Ĥ (ẍ_d + K_d ė + K_p e) + Ĉ (4)",
+        parameters: &[KP_OF_ACCELERATION, KD_OF_ACCELERATION, MASS_SCALE],
+        echo: FORCE,
+        has_memory: false,
+        signals: &[],
+    };
+
+    fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
+        Ok(Self { kp: Gains::required(law, "kp", axes)?, kd: Gains::required(law, "kd", axes)? })
+    }
+
+    fn check(
+        &self,
+        arm: &ArmSettings,
+        task: &task::Description,
+    ) -> Result<(), (&'static str, String)> {
+        let (joints, axes) = (arm.links.len(), task.axes.len());
+        if joints == axes {
+            return Ok(());
+        }
+        Err((
+            "kind",
+            format!(
+                "tj or mtj, because mb inverts the Jacobian and this arm's is not square ({joints} joints \
+                 for {axes} task axes)"
+            ),
+        ))
+    }
+}
+
+impl<T: Scalar, const M: usize> ModelBased<T, M> {
+    /// Q̂, N, from the tracking error, the desired acceleration and the model's Ĥ and Ĉ.
+    #[inline(always)]
+    pub fn task_force(
+        &self,
+        error: &TrackingError<T, M>,
+        desired_acceleration: &SVector<T, M>,
+        dynamics: &TaskDynamics<T, M>,
+    ) -> SVector<T, M> {
+        let acceleration =
+            self.kp.times(&error.position) + self.kd.times(&error.velocity) + desired_acceleration;
+        matrix::times(&dynamics.inertia, &acceleration) + dynamics.velocity_terms
+    }
+}
+
+impl<T: Scalar, const M: usize> Equation<T, M> for ModelBased<T, M> {
+    #[inline(always)]
+    fn command<A: Kinematics<T, N, M>, const N: usize>(
+        &self,
+        now: &Situation<'_, T, A, N, M>,
+    ) -> Command<T, N> {
+        let (dynamics, condition) = task_dynamics(now);
+        let force = self.task_force(now.error, &now.desired.acceleration, &dynamics);
+        Command { condition, ..Command::of_task_force(now.jacobian, &force) }
+    }
+}
+
+/// Ĥ and Ĉ of the model, and |J| |J⁻¹|; infinite where J has no inverse, as for every arm whose Jacobian
+/// is not square.
+#[inline(always)]
+fn task_dynamics<T: Scalar, A: Kinematics<T, N, M>, const N: usize, const M: usize>(
+    now: &Situation<'_, T, A, N, M>,
+) -> (TaskDynamics<T, M>, T) {
+    let (mut jacobian, mut inertia) = (SMatrix::<T, M, M>::zeros(), SMatrix::<T, M, M>::zeros());
+    let mut velocity_terms = SVector::<T, M>::zeros();
+    if N == M {
+        let (all, terms) = (now.arm.inertia(now.at), now.arm.velocity_terms(now.at));
+        for i in 0..M {
+            velocity_terms[i] = terms[i];
+            for j in 0..M {
+                jacobian[(i, j)] = now.jacobian[(i, j)];
+                inertia[(i, j)] = all[(i, j)];
+            }
+        }
+    }
+    let inverse = matrix::inverse(&jacobian);
+    let condition = matrix::size(&jacobian) * matrix::size(&inverse);
+    let rate_velocity = now.arm.jacobian_rate_velocity(now.at);
+    (TaskDynamics::new(&inertia, &velocity_terms, &inverse, &rate_velocity), condition)
+}

@@ -1,16 +1,231 @@
 //! The control laws, one file each, and their registry.
+//!
+//! A law turns what is known at a sampling instant, a [`Situation`], into a [`Command`]: joint torques,
+//! an echo, and signals to show. What it remembers travels as the echo: the plant holds it with the
+//! torque, scales it with it, and returns it, so that memory and prediction work for every law.
+//!
+//! To add a law, write a file like `tj.rs` and add one line to the registry below. Settings and their
+//! validation, the name on the wire and in print, recordings, displays and the lanes of a sweep follow
+//! from what that file declares.
 
 pub mod describe;
-mod mb;
-mod mtj;
-mod tj;
+pub mod factor;
+pub mod mass;
+pub mod mb;
+pub mod mtj;
+pub mod tj;
+
+use nalgebra::{SMatrix, SVector};
 
 pub use describe::{Description, Parameter, Per, Signal};
 
-/// The registry: all laws, in the order in which they are listed.
-pub const LAWS: &[&Description] = &[&tj::DESCRIPTION, &mtj::DESCRIPTION, &mb::DESCRIPTION];
+use crate::{
+    MAX_AXES, MAX_ECHO, MAX_SIGNALS,
+    arm::Kinematics,
+    lift, matrix,
+    scalar::Scalar,
+    scenario::{
+        ArmSettings,
+        section::{ScenarioError, Section},
+    },
+    task::{self, TrackingError},
+    trajectory::Motion,
+};
+
+/// What a law hands over beside its torque; numbers past the law's are zero.
+pub type Echo<T> = SVector<T, MAX_ECHO>;
+
+/// What is known at a sampling instant of an arm `A` with `N` joints and a task with `M` axes.
+#[derive(Debug)]
+pub struct Situation<'a, T: Scalar, A: Kinematics<T, N, M>, const N: usize, const M: usize> {
+    /// The arm, as far as the controller's model knows it.
+    pub arm: &'a A,
+    /// Its configuration, as measured.
+    pub at: &'a A::Configuration,
+    /// J there.
+    pub jacobian: &'a SMatrix<T, M, N>,
+    /// The desired motion at the instant that the law aims at.
+    pub desired: &'a Motion<T, A::Point, M>,
+    /// e and ė there.
+    pub error: &'a TrackingError<T, M>,
+    /// a, the mean acceleration of the tip over the last sample, m/s²; zero at the first.
+    pub acceleration: &'a SVector<T, M>,
+    /// The remembered echo; `None` at the first sample.
+    pub memory: Option<&'a Echo<T>>,
+}
+
+/// What a law answers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Command<T, const N: usize> {
+    /// τ, N m.
+    pub torque: SVector<T, N>,
+    /// Numbers that the plant holds with the torque and returns.
+    pub echo: Echo<T>,
+    /// The law's signals, one after the other as its description lists them.
+    pub signals: SVector<T, MAX_SIGNALS>,
+    /// |J| |J⁻¹|, or its like, of what the law inverts; where it is singular, the command means nothing.
+    pub condition: T,
+}
+
+impl<T: Scalar, const N: usize> Command<T, N> {
+    /// τ = Jᵀ Q̂ for a task force Q̂, N, which is the echo, too.
+    #[inline(always)]
+    pub fn of_task_force<const M: usize>(
+        jacobian: &SMatrix<T, M, N>,
+        force: &SVector<T, M>,
+    ) -> Self {
+        Self {
+            torque: matrix::transpose_times(jacobian, force),
+            echo: first(force),
+            signals: SVector::zeros(),
+            condition: T::zero(),
+        }
+    }
+
+    /// The same command, which shows two signals with a number for each axis.
+    #[inline(always)]
+    pub fn showing<const M: usize>(mut self, one: &SVector<T, M>, other: &SVector<T, M>) -> Self {
+        for i in 0..M {
+            self.signals[i] = one[i];
+            self.signals[M + i] = other[i];
+        }
+        self
+    }
+}
+
+/// A vector as the beginning of another, whose other entries are zero; or its beginning.
+#[inline(always)]
+pub fn first<T: Scalar, const M: usize, const E: usize>(from: &SVector<T, M>) -> SVector<T, E> {
+    let mut to = SVector::zeros();
+    for i in 0..if M < E { M } else { E } {
+        to[i] = from[i];
+    }
+    to
+}
+
+/// The equation of a law for a task with `M` axes.
+pub trait Equation<T: Scalar, const M: usize>: Copy {
+    /// The law's answer to a situation.
+    fn command<A: Kinematics<T, N, M>, const N: usize>(
+        &self,
+        now: &Situation<'_, T, A, N, M>,
+    ) -> Command<T, N>;
+
+    /// How the law regulates its memory, if it does.
+    fn factor(&self) -> Option<&factor::Factor<T, M>> {
+        None
+    }
+}
+
+/// What a law declares of itself; implemented by its settings.
+trait Declaration: Sized {
+    /// Its name, parameters and signals.
+    const DESCRIPTION: Description;
+
+    /// Reads the settings from a scenario's `law` table, for a task with so many axes.
+    fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError>;
+
+    /// Why the law cannot control an arm, as the key and what would be accepted.
+    fn check(&self, _: &ArmSettings, _: &task::Description) -> Result<(), (&'static str, String)> {
+        Ok(())
+    }
+}
+
+/// The registry.
+macro_rules! register {
+    ($($variant:ident($module:ident::$law:ident),)*) => {
+        /// All laws, in the order in which they are listed.
+        pub const LAWS: &[&Description] =
+            &[$(&<$module::$law<f64, MAX_AXES> as Declaration>::DESCRIPTION,)*];
+
+        /// Any of the laws.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub enum Law<T, const M: usize> {
+            $(#[doc = concat!("See [`", stringify!($module), "`].")] $variant($module::$law<T, M>),)*
+        }
+
+        lift! { enum Law<T, M> { $($variant(law)),* } }
+
+        impl<T: Scalar, const M: usize> Equation<T, M> for Law<T, M> {
+            #[inline(always)]
+            fn command<A: Kinematics<T, N, M>, const N: usize>(
+                &self,
+                now: &Situation<'_, T, A, N, M>,
+            ) -> Command<T, N> {
+                match self {
+                    $(Self::$variant(law) => law.command(now),)*
+                }
+            }
+
+            fn factor(&self) -> Option<&factor::Factor<T, M>> {
+                match self {
+                    $(Self::$variant(law) => law.factor(),)*
+                }
+            }
+        }
+
+        impl<T, const M: usize> Law<T, M> {
+            /// What the law says of itself.
+            pub fn description(&self) -> &'static Description {
+                match self {
+                    $(Self::$variant(_) => &<$module::$law<f64, MAX_AXES> as Declaration>::DESCRIPTION,)*
+                }
+            }
+        }
+
+        impl Law<f64, MAX_AXES> {
+            /// Reads the law of this name; keys that only other laws have must make sense to them.
+            fn of(name: &str, law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
+                let mut chosen = None;
+                $(
+                    let read = $module::$law::read(law, axes).map(Self::$variant);
+                    let description = &<$module::$law<f64, MAX_AXES> as Declaration>::DESCRIPTION;
+                    match read {
+                        read if description.name == name => chosen = Some(read?),
+                        Err(error) if is_for_others(&error, name) => return Err(error),
+                        _ => {}
+                    }
+                )*
+                chosen.ok_or_else(|| law.refuse("kind", "the name of a law"))
+            }
+
+            /// Why the law cannot control an arm, as the key and what would be accepted.
+            pub fn check(
+                &self,
+                arm: &ArmSettings,
+                task: &task::Description,
+            ) -> Result<(), (&'static str, String)> {
+                match self {
+                    $(Self::$variant(law) => law.check(arm, task),)*
+                }
+            }
+        }
+    };
+}
+
+register! {
+    Tj(tj::TransposeJacobian),
+    Mtj(mtj::ModifiedTransposeJacobian),
+    Mb(mb::ModelBased),
+}
 
 /// The law of this name.
 pub fn find(name: &str) -> Option<&'static Description> {
     LAWS.iter().copied().find(|law| law.name == name)
+}
+
+/// Whether a law refuses a value that is there and that the law of this name has no use for.
+fn is_for_others(error: &ScenarioError, name: &str) -> bool {
+    let reads = |key: &Parameter| error.key.starts_with(key.key);
+    error.value.is_some()
+        && !find(name).is_some_and(|chosen| chosen.parameters.iter().any(reads))
+}
+
+impl Law<f64, MAX_AXES> {
+    /// Reads the law that a scenario's `law` table names, for a task with so many axes.
+    pub fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
+        let names: Vec<_> = LAWS.iter().map(|law| (law.name, law.name)).collect();
+        let name = law.choice("kind", &names, None)?;
+        Self::of(name, law, axes)
+    }
 }

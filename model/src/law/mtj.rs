@@ -1,77 +1,151 @@
 //! Modified transpose Jacobian control.
 
+use nalgebra::SVector;
+
 use super::{
+    Command, Declaration, Equation, Situation,
     describe::{Default, Description, Form, Parameter, Per, Signal},
-    tj::{FORCE, KD, KP},
+    factor::{self, Factor, Regulation},
+    first,
+    mass::{self, Mass},
+    tj::{FORCE, KD, KP, TransposeJacobian},
+};
+use crate::{
+    MAX_AXES,
+    arm::Kinematics,
+    lift,
+    scalar::Scalar,
+    scenario::{
+        ArmSettings,
+        section::{ScenarioError, Section},
+    },
+    task::{self, TrackingError},
 };
 
-/// mtj.
-pub const DESCRIPTION: Description = Description {
-    name: "mtj",
-    title: "modified transpose Jacobian",
-    equation: "Q̂ = K_p e + K_d ė + h [+ M̄ ë (11)] (16)",
-    parameters: &[
-        KP,
-        KD,
-        Parameter {
-            key: "law.acceleration",
-            label: "M̄ ë (11)",
-            form: Form::Flag,
-            unit: "",
-            default: Default::Value("false"),
-            help: "Adds the acceleration term of eq. (11), which makes the memory stand latency.",
-        },
-        Parameter {
-            key: "law.factor.kind",
-            label: "k from",
-            form: Form::Choice(&["switch", "exponential", "diagonal"]),
-            unit: "",
-            default: Default::Value("\"exponential\""),
-            help: "How the regulating factor follows from the error: eq. (14), (15a) or (15b).",
-        },
-        Parameter {
-            key: "law.factor.error",
-            label: "e_max",
-            form: Form::List,
-            unit: "m",
-            default: Default::Value("1.0"),
-            help: "Threshold of the tracking error.",
-        },
-        Parameter {
-            key: "law.factor.error_rate",
-            label: "ė_max",
-            form: Form::List,
-            unit: "m/s",
-            default: Default::Value("10.0"),
-            help: "Threshold of the tracking error's rate.",
-        },
-        Parameter {
-            key: "law.factor.ceiling",
-            label: "largest k",
-            form: Form::Number,
-            unit: "",
-            default: Default::Value("1.0"),
-            help: "What k is multiplied with: its largest value.",
-        },
-    ],
-    echo: FORCE,
-    has_memory: true,
-    signals: &[
-        Signal {
-            key: "factor",
-            symbol: "k",
-            title: "Regulating factor",
-            unit: "",
-            per: Per::Axis,
-            range: Some([0.0, 1.0]),
-        },
-        Signal {
-            key: "memory",
-            symbol: "h",
-            title: "Memory",
-            unit: "N",
-            per: Per::Axis,
-            range: None,
-        },
-    ],
+/// Q̂ = K_p e + K_d ė + h with h = k · memory, eqs. (13) and (16); with the term M̄ ë of eq. (11) if
+/// `law.acceleration` is true.
+///
+/// The memory is a task force of a moment ago, which is about what the arm's dynamics need now; so
+/// K_p e + K_d ė ≈ 0, eq. (17), and the error decays with the time constant K_d/K_p, without a model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ModifiedTransposeJacobian<T, const M: usize> {
+    /// The part that does not remember.
+    pub tj: TransposeJacobian<T, M>,
+    /// How much of the memory to trust.
+    pub factor: Factor<T, M>,
+    /// M̄ of eq. (11), where ë = ẍ_d − a; `None` leaves the term out.
+    pub acceleration: Option<Mass<T, M>>,
+}
+
+lift! { struct ModifiedTransposeJacobian<T, M> { tj, factor, acceleration } }
+
+/// h, as a law shows it.
+pub(super) const MEMORY: Signal = Signal {
+    key: "memory",
+    symbol: "h",
+    title: "Memory",
+    unit: "N",
+    per: Per::Axis,
+    range: None,
 };
+
+impl Declaration for ModifiedTransposeJacobian<f64, MAX_AXES> {
+    const DESCRIPTION: Description = Description {
+        name: "mtj",
+        title: "modified transpose Jacobian",
+        equation: "Q̂ = K_p e + K_d ė + h [+ M̄ ë (11)] (16)",
+        parameters: &[
+            KP,
+            KD,
+            Parameter {
+                key: "law.acceleration",
+                label: "add M̄ ë (11)",
+                form: Form::Flag,
+                unit: "",
+                default: Default::Value("false"),
+                help: "Adds the acceleration term of eq. (11), with which the memory stands latency.",
+            },
+            mass::PARAMETER,
+            factor::KIND,
+            factor::ERROR,
+            factor::ERROR_RATE,
+            factor::CEILING,
+        ],
+        echo: FORCE,
+        has_memory: true,
+        signals: &[factor::SIGNAL, MEMORY],
+    };
+
+    fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
+        let tj = TransposeJacobian::read(law, axes)?;
+        let flag = law.optional("acceleration", "true or false", toml::Value::as_bool)?;
+        let mass = Mass::read(law, axes)?.unwrap_or(Mass::Unit);
+        let factor = Factor::read(law, axes)?.unwrap_or(Factor::PAPER);
+        Ok(Self { tj, factor, acceleration: flag.unwrap_or(false).then_some(mass) })
+    }
+
+    fn check(
+        &self,
+        arm: &ArmSettings,
+        task: &task::Description,
+    ) -> Result<(), (&'static str, String)> {
+        self.acceleration.map_or(Ok(()), |mass| mass.check(arm, task))
+    }
+}
+
+/// A task force and what the memory had to do with it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Remembered<T, const M: usize> {
+    /// Q̂, N.
+    pub force: SVector<T, M>,
+    /// h, N.
+    pub memory: SVector<T, M>,
+    /// k.
+    pub factor: Regulation<T, M>,
+}
+
+impl<T: Scalar, const M: usize> ModifiedTransposeJacobian<T, M> {
+    /// Q̂ from the tracking error and the remembered task force; `None` at the first step, where
+    /// k = 0. `acceleration`, if given, is the term M̄ ë of eq. (11), N.
+    // A step is so short that passing its vectors through memory would be half of what mtj costs over tj.
+    #[inline(always)]
+    pub fn task_force(
+        &self,
+        error: &TrackingError<T, M>,
+        remembered: Option<&SVector<T, M>>,
+        acceleration: Option<&SVector<T, M>>,
+    ) -> Remembered<T, M> {
+        let mut force = self.tj.task_force(error);
+        if let Some(acceleration) = acceleration {
+            force += acceleration;
+        }
+        let Some(remembered) = remembered else {
+            return Remembered { force, memory: SVector::zeros(), factor: Regulation::Nothing };
+        };
+        let factor = self.factor.regulate(error);
+        let memory = factor.times(remembered);
+        Remembered { force: force + memory, memory, factor }
+    }
+}
+
+impl<T: Scalar, const M: usize> Equation<T, M> for ModifiedTransposeJacobian<T, M> {
+    #[inline(always)]
+    fn command<A: Kinematics<T, N, M>, const N: usize>(
+        &self,
+        now: &Situation<'_, T, A, N, M>,
+    ) -> Command<T, N> {
+        let term = self
+            .acceleration
+            .map(|mass| mass.times(&(now.desired.acceleration - now.acceleration), now));
+        let memory = now.memory.map(first);
+        let answer =
+            self.task_force(now.error, memory.as_ref(), term.as_ref().map(|(force, _)| force));
+        let command = Command::of_task_force(now.jacobian, &answer.force)
+            .showing(&answer.factor.per_axis(), &answer.memory);
+        Command { condition: term.map_or(T::zero(), |(_, condition)| condition), ..command }
+    }
+
+    fn factor(&self) -> Option<&Factor<T, M>> {
+        Some(&self.factor)
+    }
+}

@@ -1,8 +1,35 @@
 //! Transpose Jacobian control.
 
-use super::describe::{Default, Description, Form, Parameter, Per, Signal};
+use nalgebra::SVector;
 
-/// Q̂ in N, the task force from which the torques follow by τ = Jᵀ Q̂.
+use super::{
+    Command, Declaration, Equation, Situation,
+    describe::{Default, Description, Form, Parameter, Per, Signal},
+};
+use crate::{
+    MAX_AXES,
+    arm::Kinematics,
+    gains::Gains,
+    lift,
+    scalar::Scalar,
+    scenario::section::{ScenarioError, Section},
+    task::TrackingError,
+};
+
+/// Q̂ = K_p e + K_d ė, eq. (7): springs and dampers between the tip and the desired motion.
+///
+/// Needs no model and no inverse; works for any Jacobian. K_p in N/m, K_d in N s/m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TransposeJacobian<T, const M: usize> {
+    /// K_p.
+    pub kp: Gains<T, M>,
+    /// K_d.
+    pub kd: Gains<T, M>,
+}
+
+lift! { struct TransposeJacobian<T, M> { kp, kd } }
+
+/// Q̂, the task force from which the torques follow by τ = Jᵀ Q̂.
 pub(super) const FORCE: Signal = Signal {
     key: "force",
     symbol: "Q̂",
@@ -12,33 +39,56 @@ pub(super) const FORCE: Signal = Signal {
     range: None,
 };
 
-/// K_p.
+/// law.kp.
 pub(super) const KP: Parameter = Parameter {
     key: "law.kp",
     label: "K_p",
     form: Form::Matrix,
     unit: "N/m",
     default: Default::Required,
-    help: "Stiffness: the task force for each metre of tracking error.",
+    help: "Stiffness: task force for each metre of tracking error.",
 };
 
-/// K_d.
+/// law.kd.
 pub(super) const KD: Parameter = Parameter {
     key: "law.kd",
     label: "K_d",
     form: Form::Matrix,
     unit: "N s/m",
     default: Default::Required,
-    help: "Damping: the task force for each m/s of tracking error's rate.",
+    help: "Damping: task force for each m/s of the tracking error's rate.",
 };
 
-/// tj.
-pub const DESCRIPTION: Description = Description {
-    name: "tj",
-    title: "transpose Jacobian",
-    equation: "Q̂ = K_p e + K_d ė (7)",
-    parameters: &[KP, KD],
-    echo: FORCE,
-    has_memory: false,
-    signals: &[],
-};
+impl Declaration for TransposeJacobian<f64, MAX_AXES> {
+    const DESCRIPTION: Description = Description {
+        name: "tj",
+        title: "transpose Jacobian",
+        equation: "Q̂ = K_p e + K_d ė (7)",
+        parameters: &[KP, KD],
+        echo: FORCE,
+        has_memory: false,
+        signals: &[],
+    };
+
+    fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
+        Ok(Self { kp: Gains::required(law, "kp", axes)?, kd: Gains::required(law, "kd", axes)? })
+    }
+}
+
+impl<T: Scalar, const M: usize> TransposeJacobian<T, M> {
+    /// Q̂, N.
+    #[inline(always)]
+    pub fn task_force(&self, error: &TrackingError<T, M>) -> SVector<T, M> {
+        self.kp.times(&error.position) + self.kd.times(&error.velocity)
+    }
+}
+
+impl<T: Scalar, const M: usize> Equation<T, M> for TransposeJacobian<T, M> {
+    #[inline(always)]
+    fn command<A: Kinematics<T, N, M>, const N: usize>(
+        &self,
+        now: &Situation<'_, T, A, N, M>,
+    ) -> Command<T, N> {
+        Command::of_task_force(now.jacobian, &self.task_force(now.error))
+    }
+}

@@ -1,12 +1,15 @@
 //! The arm of a scenario.
 
-use nalgebra::{SMatrix, SVector, Vector2};
+use nalgebra::{DMatrix, SMatrix, SVector, Vector2};
 
 use super::section::{self, ScenarioError, Section};
 use crate::{
-    MAX_JOINTS, PLANE,
-    arm::{Link, PlanarArm},
-    for_links,
+    MAX_JOINTS,
+    arm::{
+        Kinematics,
+        planar::{Configuration, Link, PlanarArm},
+    },
+    for_axes, for_links, task,
 };
 
 /// Links and initial state of a planar arm.
@@ -26,7 +29,10 @@ pub struct ArmSettings {
 const SINGULAR: f64 = 1e-6;
 
 impl ArmSettings {
-    pub(super) fn read(arm: Section<'_>) -> Result<Self, ScenarioError> {
+    pub(super) fn read(
+        arm: Section<'_>,
+        task: &task::Description,
+    ) -> Result<Self, ScenarioError> {
         arm.choice("kind", &[("planar", ())], Some(()))?;
         let expected = "1 to 7 links, each {length, mass, center, inertia}";
         let sections = arm.sections("links", expected)?;
@@ -47,7 +53,7 @@ impl ArmSettings {
         })?;
         let gravity = gravity.map_or_else(Vector2::zeros, |g| Vector2::new(g[0], g[1]));
         let settings = Self { links, gravity, position, velocity };
-        if for_links!(count, N => settings.is_singular::<N>()) {
+        if for_links!(count, N => for_axes!(task, M => settings.is_singular::<N, M>())) {
             return Err(arm.refuse(
                 "position",
                 "a start that is not singular (the links lie in one line, where no torque moves the \
@@ -79,7 +85,7 @@ impl ArmSettings {
     pub fn ends(&self, q: &[f64]) -> Vec<Vector2<f64>> {
         for_links!(self.links.len(), N => {
             let q = SVector::<f64, N>::from_fn(|i, _| q.get(i).copied().unwrap_or(0.0));
-            self.build().pose(&q, &SVector::zeros()).ends().to_vec()
+            self.build::<N>().ends(&Configuration::new(&q, &SVector::zeros())).to_vec()
         })
     }
 
@@ -88,14 +94,14 @@ impl ArmSettings {
         self.links.iter().map(|link| link.length).sum()
     }
 
-    fn is_singular<const N: usize>(&self) -> bool {
-        let arm = self.build::<N>();
+    fn is_singular<const N: usize, const M: usize>(&self) -> bool {
         let q = SVector::from_fn(|i, _| self.position[i]);
-        let jacobian: SMatrix<f64, PLANE, N> = arm.pose(&q, &SVector::zeros()).jacobian();
-        // The eigenvalues of J Jᵀ are the squares of the singular values; a single link has one.
-        let values = (jacobian * jacobian.transpose()).symmetric_eigenvalues();
-        let largest = values.max();
-        N >= PLANE && values.min() < SINGULAR * SINGULAR * largest
+        let at = Configuration::new(&q, &SVector::zeros());
+        let jacobian: SMatrix<f64, M, N> = self.build::<N>().jacobian(&at);
+        // The eigenvalues of J Jᵀ are the squares of the singular values; one joint has one of them.
+        let squares = DMatrix::from_fn(M, M, |i, j| jacobian.row(i).dot(&jacobian.row(j)));
+        let values = squares.symmetric_eigenvalues();
+        N >= M && values.min() < SINGULAR * SINGULAR * values.max()
     }
 }
 

@@ -1,81 +1,41 @@
-//! Which law, with which gains, memory and prediction.
+//! Which law, and what is common to all laws: memory, prediction and model.
 
 use std::time::Duration;
 
-use nalgebra::{SMatrix, SVector};
-
 use super::section::{self, ScenarioError, Section};
-use crate::{PLANE, gains::Gains};
+use crate::{
+    MAX_AXES,
+    law::{
+        Law,
+        describe::{Default, Form, Parameter},
+    },
+    task,
+};
 
-/// The control law and all that any of the three needs, so that changing `kind` is enough to
-/// compare laws.
+/// law.model.mass_scale, for laws that have a model.
+pub const MASS_SCALE: Parameter = Parameter {
+    key: "law.model.mass_scale",
+    label: "model mass",
+    form: Form::Number,
+    unit: "",
+    default: Default::Value("1.0"),
+    help: "What the model's masses and inertias are multiplied with.",
+};
+
+/// What the controller does.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LawSettings {
-    /// Which law.
-    pub kind: LawKind,
-    /// K_p.
-    pub kp: Gains<f64, PLANE>,
-    /// K_d.
-    pub kd: Gains<f64, PLANE>,
-    /// mtj: whether the acceleration term of eq. (11) is added.
-    pub acceleration: bool,
-    /// mtj: the regulating factor.
-    pub factor: FactorSettings,
-    /// mtj: the previous-step memory.
+    /// The law with its own settings.
+    pub law: Law<f64, MAX_AXES>,
+    /// The previous-step memory, for laws that have one.
     pub memory: MemorySettings,
     /// How far ahead the law aims; `None` for the instant of the sample.
     pub prediction: Option<Horizon>,
-    /// mb: what the model's masses and inertias are multiplied with.
+    /// What the masses and inertias of the controller's model are multiplied with.
     pub mass_scale: f64,
 }
 
-/// The three laws.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LawKind {
-    /// Transpose Jacobian, eq. (7).
-    Tj,
-    /// Modified transpose Jacobian, eq. (16).
-    Mtj,
-    /// Model-based, computed torque, eq. (4).
-    Mb,
-}
-
-impl LawKind {
-    /// The name in scenarios and in print.
-    pub fn name(self) -> &'static str {
-        LAWS.iter().find(|(_, kind)| *kind == self).map_or("", |(name, _)| name)
-    }
-}
-
-const LAWS: [(&str, LawKind); 3] =
-    [("tj", LawKind::Tj), ("mtj", LawKind::Mtj), ("mb", LawKind::Mb)];
-
-/// The regulating factor k and its sensitivity thresholds.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FactorSettings {
-    /// How k follows from the error.
-    pub kind: FactorKind,
-    /// ε or e_max, m, per axis.
-    pub error: SVector<f64, PLANE>,
-    /// ε̇ or ė_max, m/s, per axis.
-    pub error_rate: SVector<f64, PLANE>,
-    /// What k is multiplied with: its largest value. One in the paper; a held loop is asymptotically
-    /// stable only below (2 K_d − K_p T_s)/(2 K_d + K_p T_s).
-    pub ceiling: f64,
-}
-
-/// How the regulating factor follows from the tracking error.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FactorKind {
-    /// Eq. (14): one or zero.
-    Switch,
-    /// Eq. (15a): from the norms of the error and its rate.
-    Exponential,
-    /// Eq. (15b): for each axis on its own.
-    Diagonal,
-}
-
-/// What mtj remembers.
+/// What a law remembers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MemorySettings {
     /// Whose task force.
@@ -105,15 +65,13 @@ pub enum Horizon {
 }
 
 impl LawSettings {
-    pub(super) fn read(law: Section<'_>, sample_period: Duration) -> Result<Self, ScenarioError> {
+    pub(super) fn read(
+        law: Section<'_>,
+        task: &task::Description,
+        sample_period: Duration,
+    ) -> Result<Self, ScenarioError> {
         let settings = Self {
-            kind: law.choice("kind", &LAWS, None)?,
-            kp: gains(&law, "kp")?,
-            kd: gains(&law, "kd")?,
-            acceleration: law
-                .optional("acceleration", "true or false", toml::Value::as_bool)?
-                .unwrap_or(false),
-            factor: FactorSettings::read(law.optional_section("factor")?)?,
+            law: Law::read(&law, task.axes.len())?,
             memory: MemorySettings::read(law.optional_section("memory")?, sample_period)?,
             prediction: match law.optional_section("prediction")? {
                 None => None,
@@ -135,62 +93,10 @@ impl LawSettings {
         law.finish()?;
         Ok(settings)
     }
-}
 
-fn gains(law: &Section<'_>, key: &str) -> Result<Gains<f64, PLANE>, ScenarioError> {
-    let expected = format!(
-        "a positive definite gain: one number, a list of {PLANE} for a diagonal, or {PLANE} rows of {PLANE}"
-    );
-    law.required(key, &expected, |value| {
-        let gains = if let Some(number) = section::number(value) {
-            Gains::Diagonal(SVector::repeat(number))
-        } else if let Some(diagonal) = section::numbers(value, PLANE) {
-            Gains::Diagonal(SVector::from_row_slice(&diagonal))
-        } else {
-            let rows = value.as_array().filter(|rows| rows.len() == PLANE)?;
-            let entries: Vec<_> =
-                rows.iter().map(|row| section::numbers(row, PLANE)).collect::<Option<_>>()?;
-            Gains::Full(SMatrix::from_row_slice(&entries.concat()))
-        };
-        gains.is_positive_definite().then_some(gains)
-    })
-}
-
-impl FactorSettings {
-    /// The paper's e_max = 1 m and ė_max = 10 m/s with eq. (15a), unless the section says otherwise.
-    fn read(section: Option<Section<'_>>) -> Result<Self, ScenarioError> {
-        let mut settings = Self {
-            kind: FactorKind::Exponential,
-            error: SVector::repeat(1.0),
-            error_rate: SVector::repeat(10.0),
-            ceiling: 1.0,
-        };
-        let Some(section) = section else { return Ok(settings) };
-        let kinds = [
-            ("switch", FactorKind::Switch),
-            ("exponential", FactorKind::Exponential),
-            ("diagonal", FactorKind::Diagonal),
-        ];
-        settings.kind = section.choice("kind", &kinds, Some(settings.kind))?;
-        for (key, unit, threshold) in
-            [("error", "m", &mut settings.error), ("error_rate", "m/s", &mut settings.error_rate)]
-        {
-            let expected = format!("a threshold in {unit} greater than 0, or a list of {PLANE}");
-            let Some(list) = section.per_axis(key, PLANE, &expected, |x| x > 0.0)? else {
-                continue;
-            };
-            let uneven = list.iter().any(|x| *x != list[0]);
-            if uneven && settings.kind != FactorKind::Diagonal {
-                return Err(section.refuse(key, "one number, unless kind = \"diagonal\""));
-            }
-            *threshold = SVector::from_row_slice(&list);
-        }
-        let ceiling = section.optional("ceiling", "a factor from 0 to 1", |value| {
-            section::number(value).filter(|k| (0.0..=1.0).contains(k))
-        })?;
-        settings.ceiling = ceiling.unwrap_or(settings.ceiling);
-        section.finish()?;
-        Ok(settings)
+    /// Whether the law remembers.
+    pub fn has_memory(&self) -> bool {
+        self.law.description().has_memory
     }
 }
 

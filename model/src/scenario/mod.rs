@@ -22,9 +22,7 @@ use toml::{Table, Value};
 pub use arm::ArmSettings;
 pub use builtin::{BUILT_IN, built_in};
 pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, DEFAULT_SPIN, Wait, is_name};
-pub use law::{
-    FactorKind, FactorSettings, Horizon, LawKind, LawSettings, MemoryPolicy, MemorySettings,
-};
+pub use law::{Horizon, LawSettings, MASS_SCALE, MemoryPolicy, MemorySettings};
 pub use link::{Dropout, Jitter, LinkSettings, Links};
 pub use safety::{OnTimeout, Safety};
 pub use section::{Origin, ScenarioError, Section};
@@ -152,19 +150,11 @@ impl Scenario {
             u64::try_from(value.as_integer()?).ok()
         })?;
         let task = read_task(root.optional_section("task")?)?;
-        let arm = ArmSettings::read(root.section("arm")?)?;
+        let arm = ArmSettings::read(root.section("arm")?, task)?;
         let timing = Timing::read(root.section("timing")?, duration)?;
-        let law = LawSettings::read(root.section("law")?, timing.sample_period)?;
-        if law.kind == LawKind::Mb && arm.links.len() != crate::PLANE {
-            return Err(root.section("law")?.refuse(
-                "kind",
-                format!(
-                    "tj or mtj, because mb inverts the Jacobian and this arm's is not square ({} joints \
-                     for {} task axes)",
-                    arm.links.len(),
-                    crate::PLANE
-                ),
-            ));
+        let law = LawSettings::read(root.section("law")?, task, timing.sample_period)?;
+        if let Err((key, expected)) = law.law.check(&arm, task) {
+            return Err(root.section("law")?.refuse(key, expected));
         }
         let scenario = Self {
             name: name.to_owned(),

@@ -168,7 +168,7 @@ impl<'a> Section<'a> {
         expected: &str,
         read: impl FnOnce(&'a Value) -> Option<T>,
     ) -> Read<Option<T>> {
-        self.known.borrow_mut().push(key.to_owned());
+        self.know(key);
         self.table
             .get(key)
             .map(|value| read(value).ok_or_else(|| self.refuse(key, expected)))
@@ -214,6 +214,14 @@ impl<'a> Section<'a> {
             }
             numbers(value, count).filter(|list| list.iter().all(|x| accept(*x)))
         })
+    }
+
+    /// Accepts a key without looking at its value.
+    fn know(&self, key: &str) {
+        let mut known = self.known.borrow_mut();
+        if !known.iter().any(|other| other == key) {
+            known.push(key.to_owned());
+        }
     }
 
     fn key(&self, key: &str) -> String {

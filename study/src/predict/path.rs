@@ -1,7 +1,11 @@
 //! The effective masses along a path.
 
-use mtj_model::{PLANE, for_links, scenario::Scenario};
-use nalgebra::{SMatrix, SVector};
+use mtj_model::{
+    arm::{self, Arm, Kinematics, planar::Configuration},
+    for_axes, for_links,
+    scenario::Scenario,
+};
+use nalgebra::{DMatrix, SMatrix, SVector};
 
 use crate::{experiment, failure::Failure};
 
@@ -22,20 +26,24 @@ pub fn masses(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Masses,
     let rows = &run.trace[run.trace.len() / 2..];
     let mut masses = Masses { least: f64::INFINITY, most: 0.0 };
     for row in rows.iter().step_by((rows.len() / 500).max(1)) {
-        let (least, most) =
-            for_links!(scenario.arm.links.len(), N => eigenvalues::<N>(scenario, &row.position));
+        let (least, most) = for_links!(scenario.arm.links.len(), N => {
+            for_axes!(scenario.task, M => eigenvalues::<N, M>(scenario, &row.position))
+        });
         masses.least = masses.least.min(least);
         masses.most = masses.most.max(most);
     }
     Ok(masses)
 }
 
-fn eigenvalues<const N: usize>(scenario: &Scenario, position: &[f64]) -> (f64, f64) {
+fn eigenvalues<const N: usize, const M: usize>(
+    scenario: &Scenario,
+    position: &[f64],
+) -> (f64, f64) {
     let arm = scenario.arm.build::<N>();
     let q = SVector::from_fn(|i, _| position[i]);
-    let pose = arm.pose(&q, &SVector::zeros());
-    let jacobian: SMatrix<f64, PLANE, N> = pose.jacobian();
-    let Some(inverse) = pose.inertia().try_inverse() else { return (f64::INFINITY, 0.0) };
-    let mobility = (jacobian * inverse * jacobian.transpose()).symmetric_eigenvalues();
+    let at = Configuration::new(&q, &SVector::zeros());
+    let jacobian: SMatrix<f64, M, N> = arm.jacobian(&at);
+    let mobility = arm::mobility(&arm.inertia(&at), &jacobian);
+    let mobility = DMatrix::from_fn(M, M, |i, j| mobility[(i, j)]).symmetric_eigenvalues();
     (1.0 / mobility.max(), 1.0 / mobility.min())
 }

@@ -1,6 +1,11 @@
 //! What theory allows.
 
-use mtj_model::{PLANE, for_links, scenario::Override, scenario::Scenario};
+use mtj_model::{
+    arm::{Kinematics, planar::Configuration},
+    for_axes, for_links,
+    scenario::{Override, Scenario},
+    task::{Tip, TrackingError},
+};
 use nalgebra::{SMatrix, SVector};
 
 use super::{MARGIN, Memory, Values, Wanted, trial, verify};
@@ -53,7 +58,7 @@ pub fn motion(
         sets_latency: true,
     };
     let mut set = Vec::new();
-    if scenario.arm.links.len() == PLANE {
+    if scenario.arm.links.len() == scenario.task.axes.len() {
         set.extend([
             Override::text("law.kind", "mb"),
             Override::value("law.kp", 25.0.into()),
@@ -75,14 +80,16 @@ impl Arm {
         let motion = motion(scenario, proceed)?;
         let tau = wanted.time_constant_s;
         let (initial_error, first_torque) =
-            for_links!(scenario.arm.links.len(), N => start::<N>(scenario, tau));
+            for_links!(scenario.arm.links.len(), N => {
+                for_axes!(scenario.task, M => start::<N, M>(scenario, tau))
+            });
         Ok(Self {
             masses,
             period: scenario.timing.sample_period.as_secs_f64(),
             initial_error: initial_error.max(SMALLEST_ERROR),
             first_torque,
             motion_torque: motion.settled_torque_nm,
-            motion_is_exact: scenario.arm.links.len() == PLANE,
+            motion_is_exact: scenario.arm.links.len() == scenario.task.axes.len(),
         })
     }
 
@@ -248,15 +255,14 @@ impl Arm {
 }
 
 /// ‖e‖ and |Jᵀ (ė + e/τ)| at the start.
-fn start<const N: usize>(scenario: &Scenario, tau: f64) -> (f64, Vec<f64>) {
+fn start<const N: usize, const M: usize>(scenario: &Scenario, tau: f64) -> (f64, Vec<f64>) {
     let arm = scenario.arm.build::<N>();
     let q = SVector::from_fn(|i, _| scenario.arm.position[i]);
     let q_dot = SVector::from_fn(|i, _| scenario.arm.velocity[i]);
-    let pose = arm.pose(&q, &q_dot);
-    let desired = scenario.trajectory.at(0.0);
-    let error: SVector<f64, PLANE> = desired.position - pose.tip::<PLANE>();
-    let rate: SVector<f64, PLANE> = desired.velocity - pose.tip_velocity::<PLANE>();
-    let jacobian: SMatrix<f64, PLANE, N> = pose.jacobian();
-    let torque = jacobian.transpose() * (rate + error / tau);
-    (error.norm(), torque.iter().map(|t| t.abs()).collect())
+    let at = Configuration::new(&q, &q_dot);
+    let jacobian: SMatrix<f64, M, N> = arm.jacobian(&at);
+    let tip = Tip { time: 0.0, point: arm.tip(&at), velocity: arm.tip_velocity(&at) };
+    let error = TrackingError::between(&scenario.trajectory.at::<M>(0.0), &tip);
+    let torque = jacobian.transpose() * (error.velocity + error.position / tau);
+    (error.position.norm(), torque.iter().map(|t| t.abs()).collect())
 }

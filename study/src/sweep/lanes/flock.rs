@@ -1,10 +1,15 @@
 //! The loops of all lanes, moved together.
 
-use mtj_controller::{
-    prediction::Tip,
-    responder::{Recollection, Responder, Response, is_singular},
+use mtj_controller::responder::{Recollection, Responder, Response, is_singular};
+use mtj_model::{
+    arm::{Kinematics, planar::{Configuration, PlanarArm}},
+    law::first,
+    lanes::Lanes,
+    lift::Lift,
+    matrix,
+    scenario::Scenario,
+    task::{Previous, Task},
 };
-use mtj_model::{PLANE, arm::Posture, lanes::Lanes, scenario::Scenario};
 use mtj_plant::{dormand_prince::DormandPrince, ledger::Ledger, simulator::RUNAWAY};
 use mtj_protocol::sample::padded;
 use nalgebra::SVector;
@@ -12,20 +17,22 @@ use nalgebra::SVector;
 use super::{
     Queue,
     lane::{Event, Lane, Sample},
-    uniform::Uniform,
 };
+
+/// A point of the tip in the lanes.
+type Point<T, const N: usize, const M: usize> = <PlanarArm<T, N> as Kinematics<T, N, M>>::Point;
 
 /// How many steps to do before looking again whether to go on.
 const PATIENCE: u32 = 1024;
 
 /// The loops, their arms and their controllers.
-pub struct Flock<'a, 'b, T, const N: usize> {
+pub struct Flock<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> {
     queue: Queue<'a, 'b>,
     next: usize,
-    loops: Vec<Place<'a, N>>,
-    arms: DormandPrince<T, N>,
-    responder: Responder<T, N>,
-    previous: Tip<T>,
+    loops: Vec<Place<'a, N, E>>,
+    arms: DormandPrince<T, PlanarArm<T, N>, N>,
+    responder: Responder<T, PlanarArm<T, N>, M>,
+    previous: Previous<T, M>,
     has_noise: bool,
     predicts: bool,
     ledger: Ledger,
@@ -33,31 +40,29 @@ pub struct Flock<'a, 'b, T, const N: usize> {
 
 /// A lane's place.
 #[derive(Default)]
-struct Place<'s, const N: usize> {
-    lane: Option<Lane<'s, N>>,
+struct Place<'s, const N: usize, const E: usize> {
+    lane: Option<Lane<'s, N, E>>,
     /// Whether it is at a sample that is not answered yet.
     is_waiting: bool,
     /// When that sample reaches its controller, ns.
     delivered_ns: Option<u64>,
 }
 
-impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
+impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a, 'b, T, N, M, E> {
     /// Computes everything in a queue.
     #[inline(always)]
     pub fn fly(queue: Queue<'a, 'b>) {
-        let Some(first) = queue.numbers.first().map(|number| &queue.scenarios[*number]) else {
+        let Some(some) = queue.numbers.first().map(|number| &queue.scenarios[*number]) else {
             return;
         };
-        let all = vec![first; T::COUNT];
-        let uniform = Uniform(&all);
         let mut flock = Self {
             next: 0,
             loops: (0..T::COUNT).map(|_| Place::default()).collect(),
-            arms: DormandPrince::new(uniform.arm(false)),
-            responder: uniform.responder(),
-            previous: Tip::unknown(),
-            has_noise: first.noise > 0.0,
-            predicts: first.law.prediction.is_some(),
+            arms: DormandPrince::new(some.arm.build::<N>().lift::<T, M>()),
+            responder: Responder::of(some).lift::<T, M>(),
+            previous: Previous::none(),
+            has_noise: some.noise > 0.0,
+            predicts: some.law.prediction.is_some(),
             ledger: Ledger::new(),
             queue,
         };
@@ -113,6 +118,8 @@ impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
                         let arm = &scenario.arm;
                         let tolerance = scenario.timing.tolerance.unwrap_or(1.0);
                         self.arms.place(lane, &arm.position, &arm.velocity, tolerance);
+                        arm.build::<N>().put::<T, M>(&mut self.arms.arm, lane);
+                        Responder::of(scenario).put::<T, M>(&mut self.responder, lane);
                         self.previous.time.set(lane, f64::INFINITY);
                         self.loops[lane] =
                             Place { lane: Some(new), is_waiting: true, delivered_ns: None };
@@ -120,13 +127,6 @@ impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
                 }
             }
         }
-        let some =
-            self.loops.iter().find_map(|place| place.lane.as_ref()).map(|lane| lane.scenario);
-        let Some(some) = some else { return };
-        let of_lane = |place: &Place<'a, N>| place.lane.as_ref().map_or(some, |lane| lane.scenario);
-        let all: Vec<&Scenario> = self.loops.iter().map(of_lane).collect();
-        self.arms.arm = Uniform(&all).arm(false);
-        self.responder = Uniform(&all).responder();
         self.arms.settle();
     }
 
@@ -196,7 +196,7 @@ impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
     }
 
     #[inline(always)]
-    fn take_samples(&mut self) -> Samples<T, N> {
+    fn take_samples(&mut self) -> Samples<T, N, E> {
         let (position, velocity) = (self.arms.position, self.arms.velocity);
         let (zero, nothing) = (T::zero(), SVector::zeros());
         let (time, horizon, recalled, is_heard) = (zero, zero, nothing, zero);
@@ -224,22 +224,22 @@ impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
     }
 
     #[inline(always)]
-    fn respond(&mut self, samples: &Samples<T, N>) -> Response<T, N> {
-        let posture = if self.has_noise {
-            Posture::new(&samples.position, &samples.velocity)
+    fn respond(&mut self, samples: &Samples<T, N, E>) -> Response<T, Point<T, N, M>, N, M> {
+        let at = if self.has_noise {
+            Configuration::new(&samples.position, &samples.velocity)
         } else {
-            self.arms.posture()
+            *self.arms.configuration()
         };
         let recollection = Recollection {
             previous: self.previous,
             horizon: if self.predicts { Some(samples.horizon) } else { None },
-            force: Some(samples.recalled),
-            foreseen: None,
+            echo: Some(first(&samples.recalled)),
+            precomputed: None,
         };
-        let response = self.responder.respond(samples.time, posture, &recollection);
+        let response = self.responder.respond(samples.time, &at, &recollection);
         let heard = |new: T, old: T| T::zero().where_below(samples.is_heard, new, old);
         self.previous.time = heard(response.tip.time, self.previous.time);
-        for axis in 0..PLANE {
+        for axis in 0..M {
             self.previous.velocity[axis] =
                 heard(response.tip.velocity[axis], self.previous.velocity[axis]);
         }
@@ -248,20 +248,20 @@ impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
 
     /// ‖e‖² of the true tracking error, m².
     #[inline(always)]
-    fn squared_error(&self, samples: &Samples<T, N>, response: &Response<T, N>) -> T {
+    fn squared_error(&self, samples: &Samples<T, N, E>, response: &Response<T, Point<T, N, M>, N, M>) -> T {
         // Who does not aim ahead has looked at the same instant.
         let desired = if self.predicts {
-            self.responder.trajectory.at(samples.time).position
+            Point::<T, N, M>::desired(&self.responder.trajectory, samples.time).point
         } else {
-            response.desired.position
+            response.desired.point
         };
-        let error = desired - self.arms.tip();
-        error.x * error.x + error.y * error.y
+        let tip = self.arms.arm.tip(self.arms.configuration());
+        matrix::squared_norm(&Task::difference(&desired, &tip))
     }
 
     /// Lets a lane go on from a sample; returns whether it was its last.
     #[inline(always)]
-    fn go_on(&mut self, lane: usize, squared_error: f64, response: &Response<T, N>) -> bool {
+    fn go_on(&mut self, lane: usize, squared_error: f64, response: &Response<T, Point<T, N, M>, N, M>) -> bool {
         let place = &mut self.loops[lane];
         place.is_waiting = false;
         let delivered_ns = place.delivered_ns.take();
@@ -272,14 +272,14 @@ impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
             return true;
         }
         if let Some(delivered_ns) = delivered_ns {
-            if is_singular(response.condition.get(lane)) {
+            if is_singular(response.command.condition.get(lane)) {
                 (self.queue.hand_in)(this.number, None);
                 place.lane = None;
                 return true;
             }
-            let torque = numbers(&response.torque, lane);
-            let force = numbers(&response.remembered.force, lane);
-            if let Some(torque) = this.command(delivered_ns, torque, force) {
+            let torque = numbers(&response.command.torque, lane);
+            let echo = numbers(&first::<T, _, E>(&response.command.echo), lane);
+            if let Some(torque) = this.command(delivered_ns, torque, echo) {
                 put(&mut self.arms.torque, lane, &torque);
             }
         }
@@ -294,7 +294,7 @@ impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
 }
 
 /// What the controllers are told; only the lanes that wait mean something.
-struct Samples<T, const N: usize> {
+struct Samples<T, const N: usize, const E: usize> {
     /// s.
     time: T,
     /// Measured, rad.
@@ -303,8 +303,8 @@ struct Samples<T, const N: usize> {
     velocity: SVector<T, N>,
     /// s.
     horizon: T,
-    /// N.
-    recalled: SVector<T, PLANE>,
+    /// The remembered echo.
+    recalled: SVector<T, E>,
     /// One where the sample reaches its controller, else zero.
     is_heard: T,
 }

@@ -8,10 +8,7 @@
 use std::collections::VecDeque;
 
 use mtj_controller::{memory::Memory, prediction};
-use mtj_model::{
-    PLANE,
-    scenario::{Jitter, MemoryPolicy, Scenario},
-};
+use mtj_model::scenario::{Jitter, MemoryPolicy, Scenario};
 use mtj_plant::{
     actuator::Actuator,
     ledger::{Commands, Ledger},
@@ -43,18 +40,18 @@ enum Fate {
 
 /// A command on its way.
 #[derive(Clone, Copy, Debug)]
-struct Command<const N: usize> {
+struct Command<const N: usize, const E: usize> {
     arrives_ns: u64,
     sequence: u64,
     sampled_ns: u64,
     torque: [f64; N],
-    force: [f64; PLANE],
+    echo: [f64; E],
 }
 
 /// What a sample gives the law.
-pub struct Sample {
-    /// The remembered task force, N; zero at the first sample.
-    pub recalled: SVector<f64, PLANE>,
+pub struct Sample<const E: usize> {
+    /// The remembered echo; zero at the first sample.
+    pub recalled: SVector<f64, E>,
     /// How far ahead to aim, s.
     pub horizon: f64,
     /// When the state reaches the controller, ns; `None` if it never does.
@@ -62,7 +59,7 @@ pub struct Sample {
 }
 
 /// A loop.
-pub struct Lane<'s, const N: usize> {
+pub struct Lane<'s, const N: usize, const E: usize> {
     /// Of the scenario, among all.
     pub number: usize,
     /// The scenario.
@@ -82,20 +79,19 @@ pub struct Lane<'s, const N: usize> {
     ahead: VecDeque<Option<u64>>,
     torque_link: Link,
     sensor: Sensor,
-    actuator: Actuator<N, PLANE>,
-    memory: Option<Memory>,
+    actuator: Actuator<N, E>,
+    memory: Option<Memory<E>>,
     measures: Measures<N>,
     commands: Commands,
     /// Commands and when they arrive, the first first.
-    under_way: VecDeque<Command<N>>,
+    under_way: VecDeque<Command<N, E>>,
     /// States that reach the controller later than they were measured, and when.
     undelivered: VecDeque<(u64, Fate)>,
 }
 
-impl<'s, const N: usize> Lane<'s, N> {
+impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
     /// A loop at its first sample.
     pub fn new(number: usize, scenario: &'s Scenario) -> Result<Self, BusError> {
-        let is_mtj = scenario.law.kind == mtj_model::scenario::LawKind::Mtj;
         Ok(Self {
             number,
             scenario,
@@ -111,7 +107,7 @@ impl<'s, const N: usize> Lane<'s, N> {
             torque_link: Link::new(&scenario.link.torque, Direction::Torque, scenario.seed)?,
             sensor: Sensor::new(scenario.noise, scenario.seed),
             actuator: Actuator::new(scenario),
-            memory: is_mtj.then(|| Memory::new(&scenario.law.memory)),
+            memory: scenario.law.has_memory().then(|| Memory::new(&scenario.law.memory)),
             measures: Measures::new(scenario),
             commands: Commands::default(),
             under_way: VecDeque::new(),
@@ -142,9 +138,9 @@ impl<'s, const N: usize> Lane<'s, N> {
     }
 
     #[inline(always)]
-    fn apply(&mut self, command: &Command<N>) -> Option<[f64; N]> {
-        let Command { sequence, sampled_ns, torque, force, .. } = command;
-        if !self.actuator.hold(*sequence, *sampled_ns, torque, force, self.time_ns) {
+    fn apply(&mut self, command: &Command<N, E>) -> Option<[f64; N]> {
+        let Command { sequence, sampled_ns, torque, echo, .. } = command;
+        if !self.actuator.hold(*sequence, *sampled_ns, torque, echo, self.time_ns) {
             self.commands.lost += 1;
             return None;
         }
@@ -168,7 +164,7 @@ impl<'s, const N: usize> Lane<'s, N> {
 
     /// Takes a sample.
     #[inline(always)]
-    pub fn sample(&mut self) -> Sample {
+    pub fn sample(&mut self) -> Sample<E> {
         self.count_delivered(self.time_ns + 1);
         let horizon = prediction::horizon(self.scenario.law.prediction, self.actuator.latency_ns());
         let recalled = self.recall();
@@ -182,15 +178,15 @@ impl<'s, const N: usize> Lane<'s, N> {
     }
 
     #[inline(always)]
-    fn recall(&mut self) -> Option<SVector<f64, PLANE>> {
+    fn recall(&mut self) -> Option<SVector<f64, E>> {
         let memory = self.memory.as_ref()?;
         let settings = &self.scenario.law.memory;
         let delivered = if settings.policy == MemoryPolicy::Delivered {
             self.actuator.delivered(self.time_ns, settings.step.as_nanos() as u64)
         } else {
-            [0.0; PLANE]
+            [0.0; E]
         };
-        memory.recall_from(|| self.actuator.applied().into(), || delivered.into())
+        memory.recall(|| self.actuator.applied().into(), || delivered.into())
     }
 
     /// When the state measured now reaches the controller; `None` if it is lost, overtaken, or too late
@@ -236,19 +232,19 @@ impl<'s, const N: usize> Lane<'s, N> {
         &mut self,
         delivered_ns: u64,
         torque: [f64; N],
-        force: [f64; PLANE],
+        echo: [f64; E],
     ) -> Option<[f64; N]> {
         if let Some(memory) = &mut self.memory {
-            memory.store_at(self.time_ns, &force.into());
+            memory.store(self.time_ns, &echo.into());
         }
-        let is_finite = torque.iter().chain(&force).all(|x| x.is_finite());
+        let is_finite = torque.iter().chain(&echo).all(|x| x.is_finite());
         let (mut fate, mut effect) = (Fate::UnderWay, None);
         if !is_finite {
             fate = Fate::Rejected;
         } else if let Some(transit) = transit_ns(&mut self.torque_link) {
             let (sequence, sampled_ns) = (self.sequence, self.time_ns);
             let arrives_ns = delivered_ns + transit;
-            let command = Command { arrives_ns, sequence, sampled_ns, torque, force };
+            let command = Command { arrives_ns, sequence, sampled_ns, torque, echo };
             if arrives_ns == self.time_ns {
                 effect = self.apply(&command);
             } else {
@@ -265,8 +261,8 @@ impl<'s, const N: usize> Lane<'s, N> {
         effect
     }
 
-    fn send(&mut self, command: Command<N>) {
-        let is_before = |other: &Command<N>| other.arrives_ns <= command.arrives_ns;
+    fn send(&mut self, command: Command<N, E>) {
+        let is_before = |other: &Command<N, E>| other.arrives_ns <= command.arrives_ns;
         let place = self.under_way.iter().rposition(is_before);
         self.under_way.insert(place.map_or(0, |place| place + 1), command);
     }

@@ -14,14 +14,11 @@
 
 mod flock;
 mod lane;
-mod uniform;
 
 use mtj_model::{
-    PLANE,
-    gains::Gains,
     lanes::{Lanes, Width, Work},
-    scenario::{ClockKind, FactorKind, LawKind, Scenario},
-    trajectory::Trajectory,
+    lift::{Lift, Shape},
+    scenario::{ClockKind, Scenario},
 };
 use mtj_plant::report::Report;
 
@@ -33,55 +30,30 @@ const MOST_LINKS: usize = 3;
 /// Times up to here, in ns, are whole numbers in a double: fifty days.
 const LONGEST_NS: u128 = 1 << 52;
 
-/// What runs must have in common to be computed side by side.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+/// What runs must have in common to be computed side by side: the formulas that are evaluated, and how
+/// many numbers they take.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Structure {
     links: usize,
-    trajectory: u8,
-    law: u8,
-    has_full_gains: [bool; 2],
-    has_acceleration: bool,
-    factor: u8,
-    has_ceiling: bool,
-    predicts: bool,
-    has_noise: bool,
+    formulas: Shape,
 }
 
 /// The structure of a scenario; `None` where it is for the scalar path: in real time, with an integration
 /// step that was asked for, with a command timeout, and for arms of more than three links.
 pub fn structure(scenario: &Scenario) -> Option<Structure> {
     let timing = &scenario.timing;
+    let links = scenario.arm.links.len();
     let in_lanes = timing.clock == ClockKind::Lockstep
         && timing.tolerance.is_some()
         && scenario.safety.command_timeout.is_none()
-        && scenario.arm.links.len() <= MOST_LINKS
+        && links <= MOST_LINKS
         && scenario.duration.as_nanos() < LONGEST_NS;
-    let law = &scenario.law;
-    let is_full = |gains: &Gains<f64, PLANE>| matches!(gains, Gains::Full(_));
-    let is_mtj = law.kind == LawKind::Mtj;
-    in_lanes.then(|| Structure {
-        links: scenario.arm.links.len(),
-        trajectory: match scenario.trajectory {
-            Trajectory::PerturbedCircle(..) => 0,
-            Trajectory::Circle(_) => 1,
-            Trajectory::PointToPoint(_) => 2,
-        },
-        law: match law.kind {
-            LawKind::Tj => 0,
-            LawKind::Mtj => 1,
-            LawKind::Mb => 2,
-        },
-        has_full_gains: [is_full(&law.kp), is_full(&law.kd)],
-        has_acceleration: is_mtj && law.acceleration,
-        factor: match law.factor.kind {
-            _ if !is_mtj => 0,
-            FactorKind::Switch => 0,
-            FactorKind::Exponential => 1,
-            FactorKind::Diagonal => 2,
-        },
-        has_ceiling: is_mtj && law.factor.ceiling != 1.0,
-        predicts: law.prediction.is_some(),
-        has_noise: scenario.noise > 0.0,
+    in_lanes.then(|| {
+        let mut formulas = Shape::new();
+        scenario.trajectory.shape(&mut formulas);
+        scenario.law.law.shape(&mut formulas);
+        formulas.extend([scenario.law.prediction.is_some(), scenario.noise > 0.0].map(u8::from));
+        Structure { links, formulas }
     })
 }
 
@@ -117,9 +89,9 @@ pub fn measure_in(
         };
         let queue = Queue { scenarios, numbers, proceed, hand_in: &mut take };
         match structure.links {
-            1 => width.run(Flight::<1>(queue)),
-            2 => width.run(Flight::<2>(queue)),
-            _ => width.run(Flight::<3>(queue)),
+            1 => width.run(Flight::<1, 2, 2>(queue)),
+            2 => width.run(Flight::<2, 2, 2>(queue)),
+            _ => width.run(Flight::<3, 2, 3>(queue)),
         }
     }
     for number in alone {
@@ -147,12 +119,14 @@ struct Queue<'a, 'b> {
     hand_in: &'b mut dyn FnMut(usize, Option<Report>),
 }
 
-struct Flight<'a, 'b, const N: usize>(Queue<'a, 'b>);
+/// Runs of an arm with `N` links, a task with `M` axes, and an echo of up to `E` numbers: one for each
+/// joint or axis.
+struct Flight<'a, 'b, const N: usize, const M: usize, const E: usize>(Queue<'a, 'b>);
 
-impl<const N: usize> Work for Flight<'_, '_, N> {
+impl<const N: usize, const M: usize, const E: usize> Work for Flight<'_, '_, N, M, E> {
     type Output = ();
     #[inline(always)]
     fn run<T: Lanes>(self) {
-        flock::Flock::<T, N>::fly(self.0);
+        flock::Flock::<T, N, M, E>::fly(self.0);
     }
 }

@@ -1,0 +1,98 @@
+//! The arm: kinematics and rigid-body dynamics of a chain of joints.
+//!
+//! An arm of `N` joints is an [`Arm`]; what its tip does in a task with `M` axes is its [`Kinematics`].
+//! Both compute from a configuration, which holds what is expensive, the sines and cosines, once.
+//! To add an arm, write a file like [`planar`] and name it in `scenario::ArmSettings`.
+
+pub mod planar;
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::{matrix, scalar::Scalar, task::Task};
+
+/// Rigid-body dynamics, eq. (1): H q̈ + C = τ.
+pub trait Arm<T: Scalar, const N: usize>: Copy {
+    /// What follows from q and q̇ whatever the arm's lengths and masses.
+    type Configuration: Copy;
+
+    /// The configuration at joint positions `q`, rad, and joint velocities `q_dot`, rad/s.
+    fn configuration(q: &SVector<T, N>, q_dot: &SVector<T, N>) -> Self::Configuration;
+    /// Combines two configurations number by number with `choose`: lanes may differ in their choice.
+    fn combine(
+        one: &Self::Configuration,
+        other: &Self::Configuration,
+        choose: impl Fn(T, T) -> T,
+    ) -> Self::Configuration;
+    /// The inertia matrix H, kg m².
+    fn inertia(&self, at: &Self::Configuration) -> SMatrix<T, N, N>;
+    /// The velocity and gravity terms C, N m.
+    fn velocity_terms(&self, at: &Self::Configuration) -> SVector<T, N>;
+    /// Joint accelerations q̈ = H⁻¹ (τ − C) under joint torques τ, rad/s².
+    fn acceleration(&self, at: &Self::Configuration, torque: &SVector<T, N>) -> SVector<T, N>;
+}
+
+/// What the tip of an arm does, seen from a task with `M` axes.
+pub trait Kinematics<T: Scalar, const N: usize, const M: usize>: Arm<T, N> {
+    /// Where a tip can be.
+    type Point: Task<T, M>;
+
+    /// The output variables x(q).
+    fn tip(&self, at: &Self::Configuration) -> Self::Point;
+    /// The output speeds J q̇, eq. (2).
+    fn tip_velocity(&self, at: &Self::Configuration) -> SVector<T, M>;
+    /// The Jacobian J.
+    fn jacobian(&self, at: &Self::Configuration) -> SMatrix<T, M, N>;
+    /// J̇ q̇: the tip's acceleration when no joint accelerates.
+    fn jacobian_rate_velocity(&self, at: &Self::Configuration) -> SVector<T, M>;
+}
+
+/// Eq. (3): Ĥ ẍ + Ĉ = Q̂ for a square, non-singular Jacobian.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TaskDynamics<T, const N: usize> {
+    /// Ĥ = J⁻ᵀ H J⁻¹: the mass that a force at the tip feels, kg.
+    pub inertia: SMatrix<T, N, N>,
+    /// Ĉ = J⁻ᵀ C − Ĥ J̇ q̇, N.
+    ///
+    /// The paper prints eq. (3b) with the dot on Ĥ instead of on J; this is what follows from
+    /// substituting q̈ = J⁻¹ (ẍ − J̇ q̇) into eq. (1).
+    pub velocity_terms: SVector<T, N>,
+}
+
+impl<T: Scalar, const N: usize> TaskDynamics<T, N> {
+    /// From the joint-space terms H and C, the inverse Jacobian and J̇ q̇.
+    #[inline(always)]
+    pub fn new(
+        inertia: &SMatrix<T, N, N>,
+        velocity_terms: &SVector<T, N>,
+        jacobian_inverse: &SMatrix<T, N, N>,
+        jacobian_rate_velocity: &SVector<T, N>,
+    ) -> Self {
+        let task_inertia = matrix::transpose_product(
+            jacobian_inverse,
+            &matrix::product(inertia, jacobian_inverse),
+        );
+        Self {
+            inertia: task_inertia,
+            velocity_terms: matrix::transpose_times(jacobian_inverse, velocity_terms)
+                - matrix::times(&task_inertia, jacobian_rate_velocity),
+        }
+    }
+}
+
+/// J H⁻¹ Jᵀ, 1/kg: the acceleration of the tip for each unit of force at it. Its inverse is the task
+/// inertia Ĥ, which so exists for redundant arms too.
+#[inline(always)]
+pub fn mobility<T: Scalar, const N: usize, const M: usize>(
+    inertia: &SMatrix<T, N, N>,
+    jacobian: &SMatrix<T, M, N>,
+) -> SMatrix<T, M, M> {
+    let mut mobility = SMatrix::zeros();
+    for j in 0..M {
+        let row = SVector::<T, N>::from_fn(|i, _| jacobian[(j, i)]);
+        let column = matrix::times(jacobian, &matrix::solve_positive_definite(inertia, &row));
+        for i in 0..M {
+            mobility[(i, j)] = column[i];
+        }
+    }
+    mobility
+}

@@ -1,0 +1,281 @@
+//! A planar serial arm.
+//!
+//! The equations are written in the links' absolute angles φᵢ = q₁ + … + qᵢ, where they are short:
+//!
+//! ```text
+//! Σⱼ aᵢⱼ cos(φᵢ − φⱼ) φ̈ⱼ + Σⱼ aᵢⱼ sin(φᵢ − φⱼ) φ̇ⱼ² + ∂V/∂φᵢ = Fᵢ
+//! ```
+//!
+//! with constants aᵢⱼ that hold all masses and lengths (see [`PlanarArm::new`]). With φ = T q and T
+//! the lower triangle of ones, the paper's eq. (1) in joint coordinates follows as H = Tᵀ M T and
+//! C = Tᵀ c, which are sums over the links further out.
+
+use nalgebra::{SMatrix, SVector, Vector2};
+
+use super::{Arm, Kinematics};
+use crate::{lift, matrix, scalar::Scalar};
+
+/// One link: a rigid bar that turns about the end of the one before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Link<T> {
+    /// From this joint to the next, m.
+    pub length: T,
+    /// Mass, kg.
+    pub mass: T,
+    /// From this joint to the centre of mass, m, along the link.
+    pub center: T,
+    /// Moment of inertia about the centre of mass, kg m².
+    pub inertia: T,
+}
+
+/// A serial arm of `N` links in the plane, its base at the origin.
+///
+/// Joint angles q are relative to the link before (rad), counter-clockwise; torques are in N m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlanarArm<T, const N: usize> {
+    lengths: [T; N],
+    /// aᵢⱼ, kg m².
+    coupling: [[T; N]; N],
+    /// First moment of everything that link i carries, kg m.
+    moment: [T; N],
+    gravity: Vector2<T>,
+}
+
+impl<T: Scalar, const N: usize> PlanarArm<T, N> {
+    /// An arm from its links, base first, under a gravitational acceleration in m/s² (zero for a
+    /// horizontal plane).
+    ///
+    /// With mass mᵢ, length lᵢ, centre cᵢ, inertia Iᵢ and outer mass Mᵢ = Σ_{k>i} mₖ:
+    /// bᵢ = mᵢ cᵢ + lᵢ Mᵢ is the first moment, aᵢⱼ = l_{min(i,j)} b_{max(i,j)} off the diagonal and
+    /// aᵢᵢ = Iᵢ + mᵢ cᵢ² + lᵢ² Mᵢ on it.
+    pub fn new(links: &[Link<T>; N], gravity: Vector2<T>) -> Self {
+        let mut coupling = [[T::zero(); N]; N];
+        let mut moment = [T::zero(); N];
+        let mut outer_mass = T::zero();
+        for i in (0..N).rev() {
+            let Link { length, mass, center, inertia } = links[i];
+            moment[i] = mass * center + length * outer_mass;
+            coupling[i][i] = inertia + mass * center * center + length * length * outer_mass;
+            outer_mass += mass;
+            for j in 0..i {
+                coupling[i][j] = links[j].length * moment[i];
+                coupling[j][i] = coupling[i][j];
+            }
+        }
+        Self { lengths: links.map(|link| link.length), coupling, moment, gravity }
+    }
+}
+
+/// How the links of an arm stand and turn, whatever their lengths and masses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Configuration<T, const N: usize> {
+    cos: [T; N],
+    sin: [T; N],
+    /// φ, rad.
+    angle: [T; N],
+    /// φ̇, rad/s.
+    rate: [T; N],
+}
+
+impl<T: Scalar, const N: usize> Configuration<T, N> {
+    /// At joint angles `q` and joint velocities `q_dot`.
+    #[inline(always)]
+    pub fn new(q: &SVector<T, N>, q_dot: &SVector<T, N>) -> Self {
+        let zero = [T::zero(); N];
+        let mut configuration = Self { cos: zero, sin: zero, angle: zero, rate: zero };
+        let (mut angle, mut rate) = (T::zero(), T::zero());
+        for i in 0..N {
+            angle += q[i];
+            rate += q_dot[i];
+            (configuration.sin[i], configuration.cos[i]) = angle.sin_cos();
+            configuration.angle[i] = angle;
+            configuration.rate[i] = rate;
+        }
+        configuration
+    }
+
+    #[inline(always)]
+    fn cos_between(&self, i: usize, j: usize) -> T {
+        self.cos[i] * self.cos[j] + self.sin[i] * self.sin[j]
+    }
+
+    #[inline(always)]
+    fn sin_between(&self, i: usize, j: usize) -> T {
+        self.sin[i] * self.cos[j] - self.cos[i] * self.sin[j]
+    }
+}
+
+impl<T: Scalar, const N: usize> Arm<T, N> for PlanarArm<T, N> {
+    type Configuration = Configuration<T, N>;
+
+    #[inline(always)]
+    fn configuration(q: &SVector<T, N>, q_dot: &SVector<T, N>) -> Configuration<T, N> {
+        Configuration::new(q, q_dot)
+    }
+
+    #[inline(always)]
+    fn combine(
+        one: &Configuration<T, N>,
+        other: &Configuration<T, N>,
+        choose: impl Fn(T, T) -> T,
+    ) -> Configuration<T, N> {
+        let mut combined = *one;
+        for i in 0..N {
+            combined.cos[i] = choose(one.cos[i], other.cos[i]);
+            combined.sin[i] = choose(one.sin[i], other.sin[i]);
+            combined.angle[i] = choose(one.angle[i], other.angle[i]);
+            combined.rate[i] = choose(one.rate[i], other.rate[i]);
+        }
+        combined
+    }
+
+    #[inline(always)]
+    fn inertia(&self, at: &Configuration<T, N>) -> SMatrix<T, N, N> {
+        let mut h = self.absolute_inertia(at);
+        for i in (0..N - 1).rev() {
+            for j in 0..N {
+                let outer = h[(i + 1, j)];
+                h[(i, j)] += outer;
+            }
+        }
+        for j in (0..N - 1).rev() {
+            for i in 0..N {
+                let outer = h[(i, j + 1)];
+                h[(i, j)] += outer;
+            }
+        }
+        h
+    }
+
+    #[inline(always)]
+    fn velocity_terms(&self, at: &Configuration<T, N>) -> SVector<T, N> {
+        let mut c = self.absolute_velocity_terms(at);
+        for i in (0..N - 1).rev() {
+            let outer = c[i + 1];
+            c[i] += outer;
+        }
+        c
+    }
+
+    /// Solved in absolute angles, where no sums over links are needed.
+    #[inline(always)]
+    fn acceleration(&self, at: &Configuration<T, N>, torque: &SVector<T, N>) -> SVector<T, N> {
+        let mut force = -self.absolute_velocity_terms(at);
+        for i in 0..N {
+            force[i] += torque[i];
+            if i + 1 < N {
+                force[i] -= torque[i + 1];
+            }
+        }
+        let mut out = matrix::solve_positive_definite(&self.absolute_inertia(at), &force);
+        for i in (1..N).rev() {
+            let inner = out[i - 1];
+            out[i] -= inner;
+        }
+        out
+    }
+}
+
+/// The task has `M` axes, the first `M` of tip position x, tip position y and orientation of the
+/// last link (m, m, rad); `M` is 1, 2 or 3.
+impl<T: Scalar, const N: usize, const M: usize> Kinematics<T, N, M> for PlanarArm<T, N> {
+    type Point = SVector<T, M>;
+
+    #[inline(always)]
+    fn tip(&self, at: &Configuration<T, N>) -> SVector<T, M> {
+        let mut out = [T::zero(); 3];
+        for i in 0..N {
+            out[0] += self.lengths[i] * at.cos[i];
+            out[1] += self.lengths[i] * at.sin[i];
+        }
+        out[2] = at.angle[N - 1];
+        first_axes(&out)
+    }
+
+    #[inline(always)]
+    fn tip_velocity(&self, at: &Configuration<T, N>) -> SVector<T, M> {
+        let mut out = [T::zero(); 3];
+        for i in 0..N {
+            let speed = self.lengths[i] * at.rate[i];
+            out[0] -= speed * at.sin[i];
+            out[1] += speed * at.cos[i];
+        }
+        out[2] = at.rate[N - 1];
+        first_axes(&out)
+    }
+
+    #[inline(always)]
+    fn jacobian(&self, at: &Configuration<T, N>) -> SMatrix<T, M, N> {
+        const { assert!(M >= 1 && M <= 3) };
+        let mut jacobian = SMatrix::zeros();
+        let mut lever = [T::zero(), T::zero(), T::one()];
+        for j in (0..N).rev() {
+            lever[0] -= self.lengths[j] * at.sin[j];
+            lever[1] += self.lengths[j] * at.cos[j];
+            for i in 0..M {
+                jacobian[(i, j)] = lever[i];
+            }
+        }
+        jacobian
+    }
+
+    #[inline(always)]
+    fn jacobian_rate_velocity(&self, at: &Configuration<T, N>) -> SVector<T, M> {
+        let mut out = [T::zero(); 3];
+        for i in 0..N {
+            let acceleration = self.lengths[i] * at.rate[i] * at.rate[i];
+            out[0] -= acceleration * at.cos[i];
+            out[1] -= acceleration * at.sin[i];
+        }
+        first_axes(&out)
+    }
+}
+
+impl<T: Scalar, const N: usize> PlanarArm<T, N> {
+    /// Where each link ends, base first; the last end is the tip. m.
+    pub fn ends(&self, at: &Configuration<T, N>) -> [Vector2<T>; N] {
+        let mut end = Vector2::zeros();
+        std::array::from_fn(|i| {
+            end += Vector2::new(at.cos[i], at.sin[i]) * self.lengths[i];
+            end
+        })
+    }
+
+    #[inline(always)]
+    fn absolute_inertia(&self, at: &Configuration<T, N>) -> SMatrix<T, N, N> {
+        SMatrix::from_fn(|i, j| {
+            let coupling = self.coupling[i][j];
+            if i == j { coupling } else { coupling * at.cos_between(i, j) }
+        })
+    }
+
+    #[inline(always)]
+    fn absolute_velocity_terms(&self, at: &Configuration<T, N>) -> SVector<T, N> {
+        let gravity = self.gravity;
+        let mut terms = SVector::zeros();
+        for i in 0..N {
+            let weight = self.moment[i] * (gravity.x * at.sin[i] - gravity.y * at.cos[i]);
+            let mut sum = weight;
+            for j in 0..N {
+                if j != i {
+                    sum +=
+                        self.coupling[i][j] * at.sin_between(i, j) * at.rate[j] * at.rate[j];
+                }
+            }
+            terms[i] = sum;
+        }
+        terms
+    }
+}
+
+lift! { struct PlanarArm<T; N> { lengths, coupling, moment, gravity } }
+
+#[inline(always)]
+fn first_axes<T: Scalar, const M: usize>(all: &[T; 3]) -> SVector<T, M> {
+    const { assert!(M >= 1 && M <= 3, "a planar task has one to three axes") };
+    let mut axes = SVector::zeros();
+    for i in 0..M {
+        axes[i] = all[i];
+    }
+    axes
+}

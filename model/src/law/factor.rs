@@ -1,0 +1,256 @@
+//! The regulating factor k: how much of the memory to trust.
+
+use nalgebra::SVector;
+
+use super::describe::{Default, Form, Parameter, Per, Signal};
+use crate::{
+    MAX_AXES, lift, matrix,
+    scalar::Scalar,
+    scenario::section::{self, ScenarioError, Section},
+    task::TrackingError,
+};
+
+/// How k follows from the tracking error, and its sensitivity thresholds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Factor<T, const M: usize> {
+    /// Which equation.
+    pub kind: FactorKind,
+    /// ε or e_max, m.
+    pub error: Threshold<T, M>,
+    /// ε̇ or ė_max, m/s.
+    pub error_rate: Threshold<T, M>,
+    /// What k is multiplied with: its largest value, if that is not one as in the paper. A held loop of
+    /// eq. (16) is asymptotically stable only below (2 K_d − K_p T_s)/(2 K_d + K_p T_s).
+    pub ceiling: Option<T>,
+}
+
+/// The equation of the regulating factor. E and Ė are the diagonal matrices of the thresholds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FactorKind {
+    /// Eq. (14): 1 while ‖E⁻¹ e‖ < 1 and ‖Ė⁻¹ ė‖ < 1, else 0.
+    Switch,
+    /// Eq. (15a): exp(−(‖E⁻¹ e‖ + ‖Ė⁻¹ ė‖)).
+    Exponential,
+    /// Eq. (15b): kᵢᵢ = exp(−(|eᵢ|/e_maxᵢ + |ėᵢ|/ė_maxᵢ)).
+    Diagonal,
+}
+
+/// A positive threshold: one for all axes, as in the paper, or one for each.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Threshold<T, const M: usize> {
+    /// The same on all axes.
+    Same(T),
+    /// One for each axis.
+    Each(SVector<T, M>),
+}
+
+/// A regulating factor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Regulation<T, const M: usize> {
+    /// Use none of the memory: k = 0.
+    Nothing,
+    /// Use the memory as it is: k = 1, without a multiplication.
+    Everything,
+    /// k of one or zero: use the memory as it is, or none of it, without a multiplication.
+    Switch(T),
+    /// k on each axis: the diagonal of K.
+    Each(SVector<T, M>),
+}
+
+lift! { struct Factor<T, M> { kind, error, error_rate, ceiling } }
+lift! { enum FactorKind { Switch, Exponential, Diagonal } }
+lift! { enum Threshold<T, M> { Same(all), Each(each) } }
+
+const KINDS: [(&str, FactorKind); 3] = [
+    ("switch", FactorKind::Switch),
+    ("exponential", FactorKind::Exponential),
+    ("diagonal", FactorKind::Diagonal),
+];
+
+/// law.factor.kind.
+pub(super) const KIND: Parameter = Parameter {
+    key: "law.factor.kind",
+    label: "k from",
+    form: Form::Choice(&["switch", "exponential", "diagonal"]),
+    unit: "",
+    default: Default::Value("\"exponential\""),
+    help: "How the regulating factor follows from the error: eq. (14), (15a) or (15b).",
+};
+
+/// law.factor.error.
+pub(super) const ERROR: Parameter = Parameter {
+    key: "law.factor.error",
+    label: "e_max",
+    form: Form::List,
+    unit: "m",
+    default: Default::Value("1.0"),
+    help: "Threshold of the tracking error.",
+};
+
+/// law.factor.error_rate.
+pub(super) const ERROR_RATE: Parameter = Parameter {
+    key: "law.factor.error_rate",
+    label: "ė_max",
+    form: Form::List,
+    unit: "m/s",
+    default: Default::Value("10.0"),
+    help: "Threshold of the tracking error's rate.",
+};
+
+/// law.factor.ceiling.
+pub(super) const CEILING: Parameter = Parameter {
+    key: "law.factor.ceiling",
+    label: "largest k",
+    form: Form::Number,
+    unit: "",
+    default: Default::Value("1.0"),
+    help: "What k is multiplied with: its largest value.",
+};
+
+/// k, as a law shows it.
+pub(super) const SIGNAL: Signal = Signal {
+    key: "factor",
+    symbol: "k",
+    title: "Regulating factor",
+    unit: "",
+    per: Per::Axis,
+    range: Some([0.0, 1.0]),
+};
+
+impl Factor<f64, MAX_AXES> {
+    /// The paper's: eq. (15a) with e_max = 1 m and ė_max = 10 m/s.
+    pub const PAPER: Self = Self {
+        kind: FactorKind::Exponential,
+        error: Threshold::Same(1.0),
+        error_rate: Threshold::Same(10.0),
+        ceiling: None,
+    };
+
+    /// Reads a scenario's `law.factor`; `None` if it is absent. Absent keys have the paper's values.
+    pub(super) fn read(law: &Section<'_>, axes: usize) -> Result<Option<Self>, ScenarioError> {
+        let Some(section) = law.optional_section("factor")? else { return Ok(None) };
+        let paper = Self::PAPER;
+        let ceiling = |section: &Section<'_>| {
+            section.optional("ceiling", "a factor from 0 to 1", |value| {
+                section::number(value).filter(|k| (0.0..=1.0).contains(k))
+            })
+        };
+        let factor = Self {
+            kind: section.choice("kind", &KINDS, Some(paper.kind))?,
+            error: Threshold::read(&section, "error", "m", axes)?.unwrap_or(paper.error),
+            error_rate: Threshold::read(&section, "error_rate", "m/s", axes)?
+                .unwrap_or(paper.error_rate),
+            ceiling: ceiling(&section)?.filter(|k| *k != 1.0),
+        };
+        section.finish()?;
+        Ok(Some(factor))
+    }
+}
+
+impl Threshold<f64, MAX_AXES> {
+    fn read(
+        section: &Section<'_>,
+        key: &str,
+        unit: &str,
+        axes: usize,
+    ) -> Result<Option<Self>, ScenarioError> {
+        let expected = format!("a threshold in {unit} greater than 0, or a list of {axes}");
+        let list = section.per_axis(key, axes, &expected, |x| x > 0.0)?;
+        Ok(list.map(|list| {
+            if list.iter().all(|x| *x == list[0]) {
+                return Self::Same(list[0]);
+            }
+            Self::Each(SVector::from_fn(|i, _| list.get(i).copied().unwrap_or(1.0)))
+        }))
+    }
+}
+
+impl<T: Scalar, const M: usize> Threshold<T, M> {
+    /// ‖E⁻¹ x‖.
+    #[inline(always)]
+    fn relative(&self, x: &SVector<T, M>) -> T {
+        match self {
+            Self::Same(all) => matrix::norm(x) / *all,
+            Self::Each(each) => matrix::norm(&x.component_div(each)),
+        }
+    }
+
+    /// `then` where ‖E⁻¹ x‖ < 1, else `otherwise`.
+    #[inline(always)]
+    fn where_within(&self, x: &SVector<T, M>, then: T, otherwise: T) -> T {
+        match self {
+            Self::Same(all) => matrix::norm(x).where_below(*all, then, otherwise),
+            Self::Each(_) => self.relative(x).where_below(T::one(), then, otherwise),
+        }
+    }
+
+    /// |xᵢ|/Eᵢ.
+    #[inline(always)]
+    fn relative_on(&self, axis: usize, x: &SVector<T, M>) -> T {
+        match self {
+            Self::Same(all) => x[axis].abs() / *all,
+            Self::Each(each) => x[axis].abs() / each[axis],
+        }
+    }
+}
+
+impl<T: Scalar, const M: usize> Factor<T, M> {
+    /// k for a tracking error.
+    #[inline(always)]
+    pub fn regulate(&self, e: &TrackingError<T, M>) -> Regulation<T, M> {
+        let Self { error, error_rate, .. } = self;
+        let k = match self.kind {
+            FactorKind::Switch => {
+                let (one, zero) = (T::one(), T::zero());
+                let slow = error_rate.where_within(&e.velocity, one, zero);
+                Regulation::Switch(error.where_within(&e.position, slow, zero))
+            }
+            FactorKind::Exponential => {
+                let sum = error.relative(&e.position) + error_rate.relative(&e.velocity);
+                Regulation::Each(SVector::repeat((-sum).exp()))
+            }
+            FactorKind::Diagonal => Regulation::Each(T::exp_each(&SVector::from_fn(|i, _| {
+                -(error.relative_on(i, &e.position) + error_rate.relative_on(i, &e.velocity))
+            }))),
+        };
+        match self.ceiling {
+            None => k,
+            Some(ceiling) => k.under(ceiling),
+        }
+    }
+}
+
+impl<T: Scalar, const M: usize> Regulation<T, M> {
+    /// k · memory.
+    #[inline(always)]
+    pub fn times(&self, memory: &SVector<T, M>) -> SVector<T, M> {
+        match self {
+            Self::Nothing => SVector::zeros(),
+            Self::Everything => *memory,
+            Self::Switch(k) => memory.map(|entry| T::zero().where_below(*k, entry, T::zero())),
+            Self::Each(k) => k.component_mul(memory),
+        }
+    }
+
+    /// c k: the same factor under a ceiling c.
+    #[inline(always)]
+    fn under(self, ceiling: T) -> Self {
+        match self {
+            Self::Nothing => self,
+            Self::Everything => Self::Each(SVector::repeat(ceiling)),
+            Self::Switch(k) => Self::Each(SVector::repeat(k * ceiling)),
+            Self::Each(k) => Self::Each(k * ceiling),
+        }
+    }
+
+    /// k on each axis.
+    #[inline(always)]
+    pub fn per_axis(&self) -> SVector<T, M> {
+        match self {
+            Self::Nothing => SVector::zeros(),
+            Self::Everything => SVector::repeat(T::one()),
+            Self::Switch(k) => SVector::repeat(*k),
+            Self::Each(k) => *k,
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! The mass M̄ that a law takes the tip to have: `law.mass`.
+
+use nalgebra::SVector;
+
+use super::{
+    Situation,
+    describe::{Default, Form, Parameter},
+};
+use crate::{
+    MAX_AXES,
+    arm::{self, Kinematics},
+    gains::Gains,
+    lift, matrix,
+    scalar::Scalar,
+    scenario::{
+        ArmSettings,
+        section::{ScenarioError, Section},
+    },
+    task,
+};
+
+/// M̄, kg.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Mass<T, const M: usize> {
+    /// One on every axis, as in eq. (11).
+    Unit,
+    /// A positive definite matrix.
+    Constant(Gains<T, M>),
+    /// Ĥ = (J H⁻¹ Jᵀ)⁻¹ of the controller's model at the measured configuration.
+    TaskInertia,
+}
+
+lift! { enum Mass<T, M> { Unit, Constant(mass), TaskInertia } }
+
+/// The word for [`Mass::TaskInertia`].
+const TASK_INERTIA: &str = "task-inertia";
+
+/// law.mass.
+pub(super) const PARAMETER: Parameter = Parameter {
+    key: "law.mass",
+    label: "M̄",
+    form: Form::MatrixOr(&[TASK_INERTIA]),
+    unit: "kg",
+    default: Default::Value("1.0"),
+    help: "The mass that multiplies accelerations; \"task-inertia\" is that of the model.",
+};
+
+impl Mass<f64, MAX_AXES> {
+    /// Reads `law.mass`; `None` if it is absent.
+    pub(super) fn read(law: &Section<'_>, axes: usize) -> Result<Option<Self>, ScenarioError> {
+        let expected = format!(
+            "the word \"{TASK_INERTIA}\", or {} in kg",
+            Gains::form(axes).replacen("gain", "mass", 1)
+        );
+        law.optional("mass", &expected, |value| match value.as_str() {
+            Some(text) => (text == TASK_INERTIA).then_some(Self::TaskInertia),
+            None => Gains::of(value, axes).map(Self::Constant),
+        })
+    }
+
+    /// Refuses the task inertia of an arm that has none.
+    pub(super) fn check(
+        &self,
+        arm: &ArmSettings,
+        task: &task::Description,
+    ) -> Result<(), (&'static str, String)> {
+        let (joints, axes) = (arm.links.len(), task.axes.len());
+        if *self != Self::TaskInertia || joints >= axes {
+            return Ok(());
+        }
+        Err((
+            "mass",
+            format!(
+                "a number, a list or a matrix, because the task inertia needs a Jacobian of full rank \
+                 and this arm has {joints} joints for {axes} task axes"
+            ),
+        ))
+    }
+}
+
+impl<T: Scalar, const M: usize> Mass<T, M> {
+    /// M̄ a, N, for an acceleration a, and the condition of what had to be inverted for it.
+    #[inline(always)]
+    pub fn times<A: Kinematics<T, N, M>, const N: usize>(
+        &self,
+        acceleration: &SVector<T, M>,
+        now: &Situation<'_, T, A, N, M>,
+    ) -> (SVector<T, M>, T) {
+        match self {
+            Self::Unit => (*acceleration, T::zero()),
+            Self::Constant(mass) => (mass.times(acceleration), T::zero()),
+            Self::TaskInertia => {
+                let mobility = arm::mobility(&now.arm.inertia(now.at), now.jacobian);
+                let inertia = matrix::positive_definite_inverse(&mobility);
+                // J H⁻¹ Jᵀ is about the square of J.
+                let condition = (matrix::size(&mobility) * matrix::size(&inertia)).sqrt();
+                (matrix::times(&inertia, acceleration), condition)
+            }
+        }
+    }
+}
