@@ -5,6 +5,7 @@
 //! To add an arm, write a file like [`planar`] and name it in `scenario::ArmSettings`.
 
 pub mod planar;
+pub mod point_mass;
 
 use nalgebra::{SMatrix, SVector};
 

@@ -9,7 +9,12 @@ pub mod linear;
 pub mod measure;
 pub mod path;
 
-use mtj_model::scenario::{LawKind, Override, Scenario};
+use mtj_model::{
+    for_axes,
+    law::Equation,
+    lift::Lift,
+    scenario::{Override, Scenario},
+};
 
 use crate::{failure::Failure, sweep::plan::Plan};
 use linear::LinearLoop;
@@ -28,7 +33,7 @@ pub const LATENCY_KEYS: [&str; 2] = ["link.torque.latency", "link.state.latency"
 /// What theory says of one scenario without latency.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
-    /// The constant regulating factor, for mtj.
+    /// The constant regulating factor, of a law that has one.
     pub factor: Option<f64>,
     /// Effective masses along the path.
     pub masses: Masses,
@@ -38,26 +43,38 @@ pub struct Prediction {
 
 /// The factor at which a scenario's limits are predicted, for a law that has one.
 pub fn factor(scenario: &Scenario) -> Option<f64> {
-    (scenario.law.kind == LawKind::Mtj).then(|| TRUST.min(scenario.law.factor.ceiling))
+    let factor = scenario.law.law.factor()?;
+    Some(TRUST.min(factor.ceiling.unwrap_or(1.0)))
 }
 
-/// The linear loop of a scenario on one axis, for one effective mass, without latency.
-pub fn linear_loop(scenario: &Scenario, axis: usize, mass: f64) -> LinearLoop {
-    let law = &scenario.law;
-    // mb's gains act on accelerations: what the tip feels of them is m times as much.
-    let scale = if law.kind == LawKind::Mb { mass } else { 1.0 };
-    LinearLoop {
+/// The scenario with its regulating factor held constant at [`factor`].
+fn with_constant_factor(scenario: &Scenario) -> Result<Scenario, Failure> {
+    let Some(k) = factor(scenario) else { return Ok(scenario.clone()) };
+    let mut set = vec![Override::text("law.factor.kind", "switch")];
+    for (key, value) in [("error", 1e9), ("error_rate", 1e9), ("ceiling", k)] {
+        set.push(Override::value(&format!("law.factor.{key}"), value.into()));
+    }
+    Ok(Scenario::parse(&scenario.name, scenario.text(), &set)?)
+}
+
+/// The linear loop of a scenario for one effective mass, without latency.
+pub fn linear_loop<const M: usize>(
+    scenario: &Scenario,
+    mass: f64,
+) -> Result<LinearLoop<M>, Failure> {
+    let settings = with_constant_factor(scenario)?.law;
+    Ok(LinearLoop {
+        law: settings.law.lift::<f64, M>(),
         mass,
-        kp: scale * law.kp.matrix()[(axis, axis)],
-        kd: scale * law.kd.matrix()[(axis, axis)],
+        model_mass: settings.mass_scale * mass,
         period: scenario.timing.sample_period.as_secs_f64(),
         latency: 0.0,
-        memory: factor(scenario).map(|k| (k, law.memory.policy)),
-        predicts: law.prediction.is_some(),
-    }
+        memory: settings.memory.policy,
+        predicts: settings.prediction.is_some(),
+    })
 }
 
-/// Predicts the largest latency: the least over the axes and over the range of effective masses.
+/// Predicts the largest latency: the least over the range of effective masses.
 pub fn predict(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Prediction, Failure> {
     predict_up_to(scenario, MOST, proceed)
 }
@@ -70,11 +87,11 @@ pub fn predict_up_to(
 ) -> Result<Prediction, Failure> {
     let masses = path::masses(&without_latency(scenario)?, proceed)?;
     let mut latency = Some(most);
-    for axis in 0..mtj_model::PLANE {
-        for mass in [masses.least, masses.most] {
-            let limit = linear_loop(scenario, axis, mass).largest_latency(most);
-            latency = limit.zip(latency).map(|(a, b)| a.min(b));
-        }
+    for mass in [masses.least, masses.most] {
+        let limit = for_axes!(scenario.task, M => {
+            linear_loop::<M>(scenario, mass)?.largest_latency(most)
+        });
+        latency = limit.zip(latency).map(|(a, b)| a.min(b));
     }
     Ok(Prediction { factor: factor(scenario), masses, latency })
 }
@@ -86,16 +103,7 @@ pub fn measure(
     predicted: Option<f64>,
     proceed: &dyn Fn() -> bool,
 ) -> Result<Option<f64>, Failure> {
-    let mut set = Vec::new();
-    if let Some(k) = factor(scenario) {
-        for (key, value) in
-            [("error", 1e9.into()), ("error_rate", 1e9.into()), ("ceiling", k.into())]
-        {
-            set.push(Override::value(&format!("law.factor.{key}"), value));
-        }
-        set.push(Override::text("law.factor.kind", "switch"));
-    }
-    let constant = Scenario::parse(&scenario.name, scenario.text(), &set)?;
+    let constant = with_constant_factor(scenario)?;
     let guess = predicted.unwrap_or(scenario.timing.sample_period.as_secs_f64() / 10.0);
     measure::largest_latency(&without_latency(&constant)?, guess, MOST, proceed)
 }
