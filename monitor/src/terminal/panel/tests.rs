@@ -49,15 +49,15 @@ fn two_seconds(set: &[&str]) -> View {
         view.hear(&Message::Torque(TorqueSample {
             header,
             torque: padded(&[-3.25, 8.0]),
-            force: padded(&[12.5, -4.5]),
+            echo_count: 2,
+            echo: padded(&[12.5, -4.5]),
             ..Default::default()
         }));
         view.hear(&Message::Error(ErrorSample {
             header,
-            law: 1,
+            law: text("mtj"),
             error: padded(&[0.0015, 0.04]),
-            factor: padded(&[0.875, 0.875]),
-            memory: padded(&[11.25, -4.25]),
+            signals: padded(&[0.875, 0.875, 11.25, -4.25]),
             ..Default::default()
         }));
     }
