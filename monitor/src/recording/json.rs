@@ -6,7 +6,7 @@ use mtj_model::scenario::Scenario;
 use mtj_protocol::{
     gate,
     port::{Message, Offered},
-    sample::{ErrorSample, Field, FieldMut, Sample, VERSION, write_text},
+    sample::{ErrorSample, Field, FieldMut, Header, Sample, VERSION, write_text},
 };
 use serde::{
     Deserialize, Deserializer, Serialize, Serializer,
@@ -73,12 +73,24 @@ fn read_scenario(json: &[u8]) -> Result<Offered, String> {
 }
 
 fn read_sample<S: Sample>(json: &[u8]) -> Result<S, String> {
-    let Retold(sample) =
-        serde_json::from_slice::<Retold<S>>(json).map_err(|error| error.to_string())?;
-    match gate::fault(&sample) {
+    let read = serde_json::from_slice::<Retold<S>>(json).map_err(|error| error.to_string());
+    let accepted = read.and_then(|Retold(sample)| match gate::fault(&sample) {
         None => Ok(sample),
         Some(fault) => Err(fault.sentence().to_owned()),
+    });
+    accepted.map_err(|fault| other_version(json).unwrap_or(fault))
+}
+
+/// Whether that is why a sample could not be read: other versions have other fields.
+fn other_version(json: &[u8]) -> Option<String> {
+    #[derive(Deserialize)]
+    struct Headed {
+        header: Header,
     }
+    let Headed { header: Header { version, .. } } = serde_json::from_slice(json).ok()?;
+    (version != VERSION).then(|| {
+        format!("it has protocol version {version}, and this program reads version {VERSION}")
+    })
 }
 
 struct Retold<S>(S);
@@ -105,7 +117,6 @@ impl<'de, S: Sample> Visitor<'de> for Fields<S> {
             found += 1;
             if name == "header" {
                 *sample.header_mut() = map.next_value()?;
-                check_version(sample.header().version).map_err(A::Error::custom)?;
                 continue;
             }
             match field_mut(&mut sample, name) {
@@ -119,14 +130,6 @@ impl<'de, S: Sample> Visitor<'de> for Fields<S> {
         sample.fields(&mut |_, _| expected += 1);
         if found == expected { Ok(sample) } else { Err(A::Error::custom("fields are missing")) }
     }
-}
-
-/// Other versions have other fields, so that nothing after the header can be read.
-fn check_version(version: u32) -> Result<(), String> {
-    if version == VERSION {
-        return Ok(());
-    }
-    Err(format!("it has protocol version {version}, and this program reads version {VERSION}"))
 }
 
 /// The field of this name; of an error sample whose law was read, its law's signals too.
@@ -185,7 +188,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a test that cannot go on should say so")]
 
     use mtj_protocol::sample::{
-        ChangeSample, Header, PresenceSample, StateSample, TorqueSample, padded, text,
+        ChangeSample, PresenceSample, StateSample, TorqueSample, padded, text,
     };
 
     use super::*;
@@ -287,10 +290,9 @@ mod tests {
                       \"sequence\":5,\"time_ns\":0},\"state_sent_ns\":0,\"residence_ns\":0,\
                       \"controller\":1,\"torque\":[1.0,2.0],\"force\":[3.0,4.0]}";
         let sentence = read(Topic::Torque, torque.as_bytes()).unwrap_err();
-        assert!(
-            sentence.contains("protocol version 3, and this program reads version 4"),
-            "{sentence}"
-        );
+        assert_eq!(sentence, "it has protocol version 3, and this program reads version 4");
+        let json = br#"{"header":{"version":3}}"#;
+        assert!(read(Topic::Error, json).is_err(), "a header that is none is refused, too");
     }
 
     #[test]

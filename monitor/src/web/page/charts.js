@@ -13,8 +13,8 @@ function list({ key, symbol, per }, { axes, joints }) {
 }
 
 /**
- * Each with the series it draws from a scenario. Values times `factor` are in `unit`; `span` is a range
- * that never changes; `weight` is the chart's share of the height; `rms` a series whose mean size in view
+ * Each with the series it draws from a scenario. Values times `factor` are in `unit`, or in the series' own;
+ * `span` is a range that never changes; `weight` is the chart's share of the height; `rms` a series whose mean size in view
  * is worth knowing.
  */
 const MOTION = [
@@ -30,8 +30,10 @@ const MOTION = [
   {
     id: "error",
     title: "Tracking error e",
-    unit: "m",
-    series: (scenario) => list({ key: "error", symbol: "e", per: "axis" }, scenario),
+    // Metres and radians have one scale without a unit; the legend tells them apart.
+    unit: ({ axes }) => (axes.every(({ unit }) => unit === axes[0].unit) ? axes[0].unit : ""),
+    series: (scenario) =>
+      list({ key: "error", symbol: "e", per: "axis" }, scenario).map((series, i) => ({ ...series, unit: scenario.axes[i].unit })),
   },
   {
     id: "torque",
