@@ -88,18 +88,23 @@ fn the_page_shows_a_session_live() {
     for series in ["memory.0", "round_trip", "residence", "latency", "period_deviation", "tip.0"] {
         browser.until(&format!("mtj.store.extent('{series}', 0, 1e9)"));
     }
-    let links = browser.run("return mtj.store.scenario.links");
-    assert_eq!(links, serde_json::json!([1, 1]));
-    // The tip is where two links of 1 m and the angles that are shown put it.
-    let distance = browser.number(
-        "(() => {
-           const { time, q } = mtj.store.poses.at(-2);
-           const [x, y] = [Math.cos(q[0]) + Math.cos(q[0] + q[1]), Math.sin(q[0]) + Math.sin(q[0] + q[1])];
-           const tip = ['tip.0', 'tip.1'].map((name) => mtj.store.nearest(name, time, 1));
-           return Math.hypot(x - (tip[0].min + tip[0].max) / 2, y - (tip[1].min + tip[1].max) / 2);
-         })()",
-    );
-    assert!(distance < 0.05, "the tip is plotted {distance} m from where the arm has it");
+    // The tip is where two links of 1 m end that are as far apart as they are drawn.
+    let [upper, lower, tip] = browser
+        .run(
+            "const { time, arm: [base, elbow, tip] } = mtj.store.poses.at(-2);
+         const between = (a, b) => Math.hypot(...a.map((x, i) => x - b[i]));
+         const plotted = ['tip.0', 'tip.1'].map((name) => mtj.store.nearest(name, time, 1));
+         return [
+           between(base, elbow),
+           between(elbow, tip),
+           between(tip.slice(0, 2), plotted.map(({ min, max }) => (min + max) / 2)),
+         ];",
+        )
+        .as_array()
+        .map(|lengths| [0, 1, 2].map(|i| lengths[i].as_f64().unwrap()))
+        .unwrap();
+    assert!((upper - 1.0).abs() < 1e-9 && (lower - 1.0).abs() < 1e-9, "{upper} m, {lower} m");
+    assert!(tip < 0.05, "the tip is plotted {tip} m from where the arm has it");
 
     // The plots move.
     let canvases =
@@ -200,6 +205,18 @@ fn a_knob_turned_in_the_page_shows_in_its_error_plot() {
     browser.click("[data-key='law.kind'] label:nth-child(1)");
     browser.until("mtj.store.marks.at(-1)?.words === 'law.kind=tj'");
     browser.until("document.getElementById('law').textContent === 'tj'");
+    // Knobs and plots are those of the law.
+    for (selector, is_there) in [
+        ("[data-key='law.kp']", true),
+        ("[data-key='law.prediction.horizon']", true),
+        ("[data-key='law.memory.policy']", false),
+        ("[data-key='law.factor.kind']", false),
+        ("#chart-force:not([hidden])", true),
+        ("#chart-factor:not([hidden])", false),
+        ("#chart-memory:not([hidden])", false),
+    ] {
+        browser.until(&format!("Boolean(document.querySelector(\"{selector}\")) === {is_there}"));
+    }
     let_run(&browser, 6.0);
     let tj = plotted_error(&browser, 2.0);
     assert!(tj > 2.0 * back, "tj with mtj's gains: {back} m before, {tj} m after");
@@ -210,12 +227,12 @@ fn a_knob_turned_in_the_page_shows_in_its_error_plot() {
 
     // What is refused is said where it was wished for, and the value in effect is shown again.
     browser.run(
-        "const kp = document.getElementById('kp');
+        "const kp = document.getElementById('law-kp');
          kp.value = '-3';
          for (const event of ['input', 'change']) kp.dispatchEvent(new Event(event, { bubbles: true }));",
     );
     browser.until("document.getElementById('refusal-law-kp').textContent.includes('law.kp')");
-    assert_eq!(browser.run("return document.getElementById('kp').value"), "30");
+    assert_eq!(browser.run("return document.getElementById('law-kp').value"), "30");
     browser.until("mtj.store.marks.at(-1)?.accepted === false");
     let_run(&browser, 0.5);
     browser.picture(&picture("refused"));
@@ -270,7 +287,7 @@ fn without_the_token_no_knob_can_be_turned() {
     browser.go(url.split_once('#').unwrap().0);
     browser.until("window.mtj?.live.connected && mtj.store.length > 50");
     assert_eq!(browser.run("return document.querySelector('#knobs fieldset.all').disabled"), true);
-    assert_eq!(browser.run("return document.getElementById('kp').matches(':disabled')"), true);
+    assert_eq!(browser.run("return document.getElementById('law-kp').matches(':disabled')"), true);
     let how = browser.run("return document.getElementById('knobs-locked').innerText");
     assert!(how.as_str().unwrap().contains("#token="), "{how}");
     assert_eq!(browser.complaints(), Vec::<String>::new());

@@ -203,7 +203,9 @@ fn columns(file: &Path, names: &[&str]) -> Vec<Vec<f64>> {
     let header = lines.next().unwrap();
     let is_wanted = |i: &usize| names.iter().any(|name| header[*i].starts_with(name));
     let wanted: Vec<usize> = (0..header.len()).filter(is_wanted).collect();
-    lines.map(|row| wanted.iter().map(|i| row[*i].parse().unwrap()).collect()).collect()
+    // Before the first command there is no echo.
+    let number = |cell: &str| if cell.is_empty() { 0.0 } else { cell.parse().unwrap() };
+    lines.map(|row| wanted.iter().map(|i| number(row[*i])).collect()).collect()
 }
 
 #[test]
@@ -234,7 +236,13 @@ fn a_recording_becomes_tables_with_the_same_numbers() {
     assert_eq!(applied, columns(&session.directory.join("trace.csv"), &["force_n_"]));
 
     let units = fs::read_to_string(tables.join("units.csv")).unwrap();
-    for unit in ["state,position,rad", "torque,torque,N m", "error,factor,", "state,time_ns,ns"] {
+    for unit in [
+        "state,position,rad",
+        "torque,echo,N",
+        "error,factor,",
+        "error,memory,N",
+        "state,time_ns,ns",
+    ] {
         assert!(units.lines().any(|line| line == unit), "{unit} is not in {units}");
     }
     let mut again =

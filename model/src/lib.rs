@@ -12,6 +12,7 @@
 //! | [`gains`] | the positive definite matrices K_p and K_d |
 //! | [`law`] | the control laws, one file each |
 //! | [`scenario`] | one experiment as data: TOML in, validated values out |
+//! | [`scene`] | what displays draw of it: the arm, the desired path, the tracking error |
 //!
 //! Equation numbers refer to Moosavian and Papadopoulos, *Modified transpose Jacobian control of
 //! robotic systems*, Automatica 43 (2007).
@@ -24,6 +25,7 @@ pub mod lift;
 pub mod matrix;
 pub mod scalar;
 pub mod scenario;
+pub mod scene;
 pub mod task;
 pub mod trajectory;
 

@@ -6,9 +6,10 @@ use std::time::Duration;
 
 use mtj_model::{
     gains::Gains,
+    law::find,
     scenario::{
-        BUILT_IN, BusKind, BusSettings, ClockKind, FactorKind, Horizon, LawKind, MemoryPolicy,
-        OnTimeout, Override, Scenario, ScenarioError, Wait, built_in,
+        BUILT_IN, BusKind, BusSettings, ClockKind, FactorKind, Horizon, LawKind, MEMORY,
+        MemoryPolicy, OnTimeout, Override, PREDICTION, Scenario, ScenarioError, Wait, built_in,
     },
 };
 
@@ -294,4 +295,33 @@ fn prediction_can_be_switched_off_by_its_name() {
     let horizon = |set: &str| overridden("sampled/mtj", &[set]).unwrap().law.prediction;
     assert_eq!(horizon("law.prediction.horizon=measured"), Some(Horizon::Measured));
     assert_eq!(horizon("law.prediction.horizon=none"), None);
+}
+
+#[test]
+fn a_parameter_has_the_value_in_effect() {
+    let scenario = |set: &[&str]| {
+        let set: Vec<Override> = set.iter().map(|set| set.parse().unwrap()).collect();
+        Scenario::load("sampled/mtj", &set).unwrap()
+    };
+    let value = |scenario: &Scenario, key: &str| {
+        let own = find("mtj").unwrap().parameters;
+        let mut all = own.iter().chain(MEMORY).chain(PREDICTION);
+        let parameter = all.find(|parameter| parameter.key == key).unwrap();
+        scenario.settings().get(parameter).unwrap().to_string()
+    };
+    let plain = scenario(&["timing.sample_period=20ms"]);
+    for (key, expected) in [
+        ("law.kp", "30"),
+        ("law.factor.kind", "\"exponential\""),
+        ("law.acceleration", "false"),
+        ("law.memory.policy", "\"sent\""),
+        ("law.memory.step", "\"20ms\""),
+        ("law.prediction.horizon", "\"none\""),
+    ] {
+        assert_eq!(value(&plain, key), expected, "{key}");
+    }
+    let set = scenario(&["law.kp=[30,40]", "law.memory.step=50ms", "law.factor.error=2"]);
+    assert_eq!(value(&set, "law.kp"), "[30, 40]");
+    assert_eq!(value(&set, "law.memory.step"), "\"50ms\"");
+    assert_eq!(value(&set, "law.factor.error"), "2");
 }

@@ -13,12 +13,12 @@ use foxglove::{
         Timestamp, Vector3, line_primitive,
     },
 };
+use mtj_model::scene::{Point, Scene};
 use mtj_protocol::{
     bus::BusError,
     port::{Message, Offered},
     sample::StateSample,
 };
-use nalgebra::Vector2;
 
 use crate::{
     monitor::Audience,
@@ -62,6 +62,7 @@ pub struct Foxglove {
     arm: Channel<SceneUpdate>,
     timeline: Timeline,
     scenario: Option<Arc<Offered>>,
+    scene: Option<Scene>,
     is_followed: bool,
     state: Option<StateSample>,
     drawn: Instant,
@@ -106,6 +107,7 @@ impl Foxglove {
             _context: context,
             timeline: Timeline::default(),
             scenario: None,
+            scene: None,
             is_followed: false,
             state: None,
             drawn: Instant::now(),
@@ -144,22 +146,19 @@ impl Foxglove {
     }
 
     fn draw(&mut self) {
-        let (Some(offered), Some(state)) = (&self.scenario, self.state.take()) else { return };
-        let scenario = &offered.scenario;
-        let time = state.header.time_ns as f64 * 1e-9;
-        let mut arm = vec![Vector2::zeros()];
-        arm.extend(scenario.arm.ends(&state.position));
-        let tip = arm.last().copied().unwrap_or_default();
-        let desired = scenario.trajectory.at(time).position;
-        let size = 0.03 * scenario.arm.reach();
+        let (Some(scene), Some(state)) = (&self.scene, self.state.take()) else { return };
+        let arm = scene.points(&state.position);
+        let tip = scene.tip(&state.position);
+        let desired = scene.desired(state.header.time_ns as f64 * 1e-9);
+        let size = 0.03 * scene.reach();
         let entity = SceneEntity {
             timestamp: Timestamp::try_from(SystemTime::now()).ok(),
             frame_id: "base".to_owned(),
             id: "arm".to_owned(),
             lines: vec![line(&arm, size / 2.0, [0.55, 0.55, 0.55])],
             spheres: vec![
-                sphere(&desired, size, [0.85, 0.45, 0.0]),
-                sphere(&tip, size, [0.0, 0.53, 0.84]),
+                sphere(desired, size, [0.85, 0.45, 0.0]),
+                sphere(tip, size, [0.0, 0.53, 0.84]),
             ],
             ..SceneEntity::default()
         };
@@ -171,7 +170,10 @@ impl Audience for Foxglove {
     fn hear(&mut self, message: &Message) {
         self.publish(message);
         match message {
-            Message::Scenario(offered) => self.scenario = Some(Arc::clone(offered)),
+            Message::Scenario(offered) => {
+                self.scene = Some(Scene::new(&offered.scenario));
+                self.scenario = Some(Arc::clone(offered));
+            }
             Message::State(state) => self.state = Some(*state),
             _ => {}
         }
@@ -203,25 +205,25 @@ fn color([r, g, b]: [f64; 3]) -> Option<Color> {
     Some(Color { r, g, b, a: 1.0 })
 }
 
-fn pose(at: &Vector2<f64>) -> Option<Pose> {
+fn pose([x, y, z]: Point) -> Option<Pose> {
     Some(Pose {
-        position: Some(Vector3 { x: at.x, y: at.y, z: 0.0 }),
+        position: Some(Vector3 { x, y, z }),
         orientation: Some(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
     })
 }
 
-fn line(points: &[Vector2<f64>], thickness: f64, rgb: [f64; 3]) -> LinePrimitive {
+fn line(points: &[Point], thickness: f64, rgb: [f64; 3]) -> LinePrimitive {
     LinePrimitive {
         r#type: line_primitive::Type::LineStrip as i32,
-        pose: pose(&Vector2::zeros()),
+        pose: pose([0.0; 3]),
         thickness,
-        points: points.iter().map(|point| Point3 { x: point.x, y: point.y, z: 0.0 }).collect(),
+        points: points.iter().map(|&[x, y, z]| Point3 { x, y, z }).collect(),
         color: color(rgb),
         ..LinePrimitive::default()
     }
 }
 
-fn sphere(at: &Vector2<f64>, size: f64, rgb: [f64; 3]) -> SpherePrimitive {
+fn sphere(at: Point, size: f64, rgb: [f64; 3]) -> SpherePrimitive {
     SpherePrimitive {
         pose: pose(at),
         size: Some(Vector3 { x: size, y: size, z: size }),

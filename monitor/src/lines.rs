@@ -5,12 +5,12 @@ use std::{
     time::{Duration, Instant},
 };
 
-use mtj_model::scenario::LawKind;
+use mtj_model::law::Signal;
 use mtj_protocol::{bus::BusError, port::Message, sample::ErrorSample};
 
 use crate::{
     monitor::Audience,
-    overview::{Overview, Phase},
+    overview::{Overview, Phase, gauge},
 };
 
 /// Prints what happens in a session.
@@ -25,8 +25,9 @@ pub struct Lines<W> {
 #[derive(Default)]
 pub(crate) struct Second {
     squared_error: f64,
-    factor: f64,
     errors: u64,
+    /// The sum of the gauge's means over its numbers, and how many there were.
+    gauge: Option<(&'static Signal, f64, u64)>,
 }
 
 impl Second {
@@ -34,22 +35,26 @@ impl Second {
     pub fn add(&mut self, error: &ErrorSample) {
         let axes = error.header.axes as usize;
         self.squared_error += error.error[..axes].iter().map(|e| e * e).sum::<f64>();
-        self.factor += error.factor[..axes].iter().sum::<f64>() / axes as f64;
         self.errors += 1;
+        let Some(signal) = error.description().and_then(gauge) else { return };
+        let Some(numbers) = error.signal(signal.key) else { return };
+        let mean = numbers.iter().sum::<f64>() / numbers.len() as f64;
+        let (sum, count) = match self.gauge {
+            Some((known, sum, count)) if known == signal => (sum, count),
+            _ => (0.0, 0),
+        };
+        self.gauge = Some((signal, sum + mean, count + 1));
     }
 
     /// Root mean square of the tracking error, m; `None` if there was no error sample.
     pub fn rms_error(&self) -> Option<f64> {
-        self.over(self.squared_error).map(f64::sqrt)
+        (self.errors > 0).then(|| (self.squared_error / self.errors as f64).sqrt())
     }
 
-    /// Mean of k.
-    pub fn mean_factor(&self) -> Option<f64> {
-        self.over(self.factor)
-    }
-
-    fn over(&self, sum: f64) -> Option<f64> {
-        (self.errors > 0).then(|| sum / self.errors as f64)
+    /// The law's gauge with its mean, like "k 0.982"; `None` if the law has none.
+    pub fn gauge(&self) -> Option<String> {
+        let (signal, sum, count) = self.gauge?;
+        Some(format!("{} {:.3}", signal.symbol, sum / count as f64))
     }
 }
 
@@ -67,14 +72,11 @@ impl<W: Write> Lines<W> {
     fn line(&self) -> String {
         let Overview { status, round_trips, missed, .. } = &self.overview;
         let law = self.overview.law();
-        let mut line =
-            format!("t {:7.1} s  {:<3}", self.overview.time(), law.map_or("-", LawKind::name));
+        let law = law.map_or("-", |law| law.name);
+        let mut line = format!("t {:7.1} s  {law:<3}", self.overview.time());
         if let Some(error) = self.second.rms_error() {
-            let factor = match (law, self.second.mean_factor()) {
-                (Some(LawKind::Mtj), Some(factor)) => format!("{factor:.3}"),
-                _ => "-    ".to_owned(),
-            };
-            line += &format!("  |e| {error:.2e} m  k {factor}");
+            let gauge = self.second.gauge().unwrap_or_default();
+            line += &format!("  |e| {error:.2e} m  {gauge:<7}");
         } else if self.overview.phase() == Some(Phase::Paused) {
             line += "  paused             ";
         } else {

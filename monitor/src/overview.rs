@@ -6,7 +6,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-use mtj_model::scenario::LawKind;
+use mtj_model::{
+    law::{Description, Signal},
+};
 use mtj_protocol::{
     member::Role,
     port::{Message, Offered},
@@ -242,10 +244,13 @@ impl Overview {
         state.or(self.status.map(|status| status.header))
     }
 
-    /// Which law answers.
-    pub fn law(&self) -> Option<LawKind> {
-        let law = self.error.as_ref()?.law;
-        [LawKind::Tj, LawKind::Mtj, LawKind::Mb].get(law as usize).copied()
+    /// The law that answers or, before the first answer, that is to answer; `None` for a law that
+    /// this program does not have.
+    pub fn law(&self) -> Option<&'static Description> {
+        match &self.error {
+            Some(error) => error.description(),
+            None => Some(self.scenario.as_ref()?.scenario.law.law.description()),
+        }
     }
 
     /// Where the run is; `None` if no plant was heard.
@@ -299,6 +304,11 @@ impl Overview {
         let period = self.scenario.as_ref().map(|offered| offered.scenario.timing.sample_period);
         SILENT.max(3 * period.unwrap_or_default())
     }
+}
+
+/// The signal that is shown where there is room for one: the first that has a range.
+pub(crate) fn gauge(law: &Description) -> Option<&'static Signal> {
+    law.signals.iter().find(|signal| signal.range.is_some())
 }
 
 /// Which run a message is about, and when in it.

@@ -195,6 +195,17 @@ impl<T: Scalar, const M: usize> Threshold<T, M> {
 }
 
 impl<T: Scalar, const M: usize> Factor<T, M> {
+    /// k whatever the error: what a loop has to be linear.
+    pub fn constant(k: T) -> Self {
+        let everything = Threshold::Same(T::constant(f64::INFINITY));
+        Self {
+            kind: FactorKind::Switch,
+            error: everything,
+            error_rate: everything,
+            ceiling: Some(k),
+        }
+    }
+
     /// k for a tracking error.
     #[inline(always)]
     pub fn regulate(&self, e: &TrackingError<T, M>) -> Regulation<T, M> {

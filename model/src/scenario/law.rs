@@ -55,6 +55,38 @@ pub enum MemoryPolicy {
     Delivered,
 }
 
+/// The keys of the memory, for every law that has one.
+pub const MEMORY: &[Parameter] = &[
+    Parameter {
+        key: "law.memory.policy",
+        label: "holds what was",
+        form: Form::Choice(&["sent", "applied", "delivered"]),
+        unit: "",
+        default: Default::Value("\"sent\""),
+        help: "The echo that the memory holds: computed a step ago, in effect now, or its mean over \
+               the last step.",
+    },
+    Parameter {
+        key: "law.memory.step",
+        label: "step Δt",
+        form: Form::Duration,
+        unit: "",
+        default: Default::SameAs("timing.sample_period"),
+        help: "How old the memory is: a whole multiple of the sample period.",
+    },
+];
+
+/// The keys of the prediction, for every law.
+pub const PREDICTION: &[Parameter] = &[Parameter {
+    key: "law.prediction.horizon",
+    label: "horizon",
+    form: Form::DurationOr(&["none", "measured"]),
+    unit: "",
+    default: Default::Value("\"none\""),
+    help: "How far ahead the law aims: at the instant of the sample, at the instant the torque takes \
+           effect, or by a fixed time.",
+}];
+
 /// How far ahead a predicting law aims.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Horizon {

@@ -22,13 +22,16 @@ use toml::{Table, Value};
 pub use arm::ArmSettings;
 pub use builtin::{BUILT_IN, built_in};
 pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, DEFAULT_SPIN, Wait, is_name};
-pub use law::{Horizon, LawSettings, MASS_SCALE, MemoryPolicy, MemorySettings};
+pub use law::{
+    Horizon, LawSettings, MASS_SCALE, MEMORY, MemoryPolicy, MemorySettings, PREDICTION,
+};
 pub use link::{Dropout, Jitter, LinkSettings, Links};
 pub use safety::{OnTimeout, Safety};
 pub use section::{Origin, ScenarioError, Section};
 pub use timing::{ClockKind, Timing};
 
 use crate::{
+    law::{Parameter, describe::Default},
     task::{self, TASKS},
     trajectory::Trajectory,
 };
@@ -178,6 +181,33 @@ impl Scenario {
     /// The TOML this scenario was read from, overrides included.
     pub fn text(&self) -> &str {
         &self.text
+    }
+
+    /// The values of its keys, for displays that show them by their description.
+    pub fn settings(&self) -> Settings {
+        Settings(self.text.parse().unwrap_or_default())
+    }
+}
+
+/// The keys of a scenario with their values as TOML.
+#[derive(Clone, Debug)]
+pub struct Settings(Table);
+
+impl Settings {
+    /// The value of a parameter that is in effect: the one in the scenario, else the declared default.
+    pub fn get(&self, parameter: &Parameter) -> Option<Value> {
+        self.find(parameter.key).or_else(|| match parameter.default {
+            Default::Required => None,
+            Default::Value(text) => Some(read_value(text)),
+            Default::SameAs(key) => self.find(key),
+        })
+    }
+
+    fn find(&self, path: &str) -> Option<Value> {
+        let (first, rest) = path.split_once('.').unwrap_or((path, ""));
+        let parts = rest.split('.').filter(|part| !part.is_empty());
+        let value = parts.fold(self.0.get(first), |value, part| value?.get(part));
+        value.cloned()
     }
 }
 

@@ -2,7 +2,6 @@
 
 use std::time::{Duration, Instant};
 
-use mtj_model::scenario::LawKind;
 use mtj_protocol::{
     bus::Shared,
     port::{Message, MonitorPort},
@@ -79,7 +78,6 @@ impl<B: Shared> Cell<B> {
     pub fn row(&mut self, name: &str) -> Row {
         let second = std::mem::take(&mut self.second);
         let overview = &self.overview;
-        let law = overview.law();
         let status = overview.status.unwrap_or_default();
         Row {
             session: name.to_owned(),
@@ -92,9 +90,9 @@ impl<B: Shared> Cell<B> {
                 Some(Phase::Paused) => "paused",
             },
             time: overview.time(),
-            law: law.map_or("-", LawKind::name),
+            law: overview.law().map_or("-", |law| law.name),
             error: second.rms_error(),
-            factor: second.mean_factor().filter(|_| law == Some(LawKind::Mtj)),
+            gauge: second.gauge(),
             round_trip: overview.round_trips.spread(),
             in_charge: match (overview.leader(), &overview.controller().presence) {
                 (None, _) => "-".to_owned(),

@@ -20,8 +20,8 @@ pub struct Row {
     pub law: &'static str,
     /// Root mean square of the tracking error in the last second, m.
     pub error: Option<f64>,
-    /// Mean regulating factor of the last second.
-    pub factor: Option<f64>,
+    /// The law's gauge with its mean over the last second.
+    pub gauge: Option<String>,
     /// Of the last ten seconds.
     pub round_trip: Option<Spread>,
     /// Process and machine of the controller in charge.
@@ -108,7 +108,7 @@ fn size() -> (usize, usize) {
 
 /// The heading and the rows, in columns.
 fn lay_out(rows: &[Row]) -> Vec<String> {
-    let heading = ["session", "phase", "t/s", "law", "|e|/m", "k", "p50/µs", "p99/µs"];
+    let heading = ["session", "phase", "t/s", "law", "|e|/m", "signal", "p50/µs", "p99/µs"];
     let heading: Vec<&str> = heading
         .into_iter()
         .chain(["in charge", "standby"])
@@ -143,7 +143,7 @@ fn cells(row: &Row) -> Vec<String> {
         format!("{:.1}", row.time),
         row.law.to_owned(),
         number(row.error.map(|error| format!("{error:.2e}"))),
-        number(row.factor.map(|factor| format!("{factor:.3}"))),
+        number(row.gauge.clone()),
         trip(|spread| spread.p50),
         trip(|spread| spread.p99),
         row.in_charge.clone(),

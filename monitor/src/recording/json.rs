@@ -1,12 +1,12 @@
 //! Messages as JSON, and back to the last bit.
 
-use std::{fmt, io, marker::PhantomData, sync::Arc};
+use std::{any::Any, fmt, io, marker::PhantomData, ops::Range, sync::Arc};
 
 use mtj_model::scenario::Scenario;
 use mtj_protocol::{
     gate,
     port::{Message, Offered},
-    sample::{Field, FieldMut, Sample, write_text},
+    sample::{ErrorSample, Field, FieldMut, Header, Sample, VERSION, write_text},
 };
 use serde::{
     Deserialize, Deserializer, Serialize, Serializer,
@@ -73,12 +73,24 @@ fn read_scenario(json: &[u8]) -> Result<Offered, String> {
 }
 
 fn read_sample<S: Sample>(json: &[u8]) -> Result<S, String> {
-    let Retold(sample) =
-        serde_json::from_slice::<Retold<S>>(json).map_err(|error| error.to_string())?;
-    match gate::fault(&sample) {
+    let read = serde_json::from_slice::<Retold<S>>(json).map_err(|error| error.to_string());
+    let accepted = read.and_then(|Retold(sample)| match gate::fault(&sample) {
         None => Ok(sample),
         Some(fault) => Err(fault.sentence().to_owned()),
+    });
+    accepted.map_err(|fault| other_version(json).unwrap_or(fault))
+}
+
+/// Whether that is why a sample could not be read: other versions have other fields.
+fn other_version(json: &[u8]) -> Option<String> {
+    #[derive(Deserialize)]
+    struct Headed {
+        header: Header,
     }
+    let Headed { header: Header { version, .. } } = serde_json::from_slice(json).ok()?;
+    (version != VERSION).then(|| {
+        format!("it has protocol version {version}, and this program reads version {VERSION}")
+    })
 }
 
 struct Retold<S>(S);
@@ -100,23 +112,46 @@ impl<'de, S: Sample> Visitor<'de> for Fields<S> {
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<S, A::Error> {
         let mut sample = S::default();
-        let mut missing = 1;
-        sample.fields(&mut |_, _| missing += 1);
+        let mut found = 0;
         while let Some(name) = map.next_key::<&str>()? {
-            missing -= 1;
+            found += 1;
             if name == "header" {
                 *sample.header_mut() = map.next_value()?;
                 continue;
             }
-            match sample.field_mut(name) {
+            match field_mut(&mut sample, name) {
                 Some(FieldMut::Count(count)) => *count = map.next_value()?,
                 Some(FieldMut::Numbers(numbers)) => map.next_value_seed(Fill(numbers))?,
                 Some(FieldMut::Text(rows)) => write_text(rows, &map.next_value::<String>()?),
                 None => return Err(A::Error::custom(format!("there is no field '{name}'"))),
             }
         }
-        if missing == 0 { Ok(sample) } else { Err(A::Error::custom("fields are missing")) }
+        let mut expected = 1;
+        sample.fields(&mut |_, _| expected += 1);
+        if found == expected { Ok(sample) } else { Err(A::Error::custom("fields are missing")) }
     }
+}
+
+/// The field of this name; of an error sample whose law was read, its law's signals too.
+fn field_mut<'a, S: Sample>(sample: &'a mut S, name: &str) -> Option<FieldMut<'a>> {
+    let signal = (sample as &dyn Any).downcast_ref().and_then(|error| place_of_signal(error, name));
+    match signal {
+        None => sample.field_mut(name),
+        Some(place) => match sample.field_mut("signals")? {
+            FieldMut::Numbers(signals) => Some(FieldMut::Numbers(&mut signals[place])),
+            FieldMut::Count(_) | FieldMut::Text(_) => None,
+        },
+    }
+}
+
+/// Where a signal of the law stands among all its signals.
+fn place_of_signal(error: &ErrorSample, name: &str) -> Option<Range<usize>> {
+    let mut end = 0;
+    error.signals().find_map(|(signal, numbers)| {
+        let start = end;
+        end += numbers.len();
+        (signal.key == name).then_some(start..end)
+    })
 }
 
 /// Fills in the first entries of a list of zeros.
@@ -153,7 +188,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a test that cannot go on should say so")]
 
     use mtj_protocol::sample::{
-        ChangeSample, Header, PresenceSample, StateSample, TorqueSample, VERSION, padded, text,
+        ChangeSample, PresenceSample, StateSample, TorqueSample, padded, text,
     };
 
     use super::*;
@@ -191,13 +226,14 @@ mod tests {
             let torque = TorqueSample {
                 header: header(),
                 torque: padded(&[draw(), draw(), -0.0]),
-                force: padded(&[draw(), f64::MIN_POSITIVE / 3.0]),
+                echo_count: 2,
+                echo: padded(&[draw(), f64::MIN_POSITIVE / 3.0]),
                 ..Default::default()
             };
             let Message::Torque(read) = again(&Message::Torque(torque)) else { panic!() };
             assert_eq!(read.header, torque.header);
             assert_eq!(read.torque.map(f64::to_bits), torque.torque.map(f64::to_bits));
-            assert_eq!(read.force.map(f64::to_bits), torque.force.map(f64::to_bits));
+            assert_eq!(read.echo.map(f64::to_bits), torque.echo.map(f64::to_bits));
         }
     }
 
@@ -208,6 +244,55 @@ mod tests {
         assert_eq!(again(&Message::Change(change)), Message::Change(change));
         let presence = PresenceSample { header: header(), host: text("arm"), ..Default::default() };
         assert_eq!(again(&Message::Presence(presence)), Message::Presence(presence));
+    }
+
+    #[test]
+    fn the_signals_of_any_law_come_back() {
+        for (law, count, keys) in [
+            ("tj", 0, "\"error_rate\":[0.0,0.0]}"),
+            ("mtj", 4, "\"factor\":[0.5,1.5],\"memory\":[2.5,3.5]}"),
+            ("unheard-of", 14, "\"signals\":[0.5,1.5,2.5,3.5,"),
+        ] {
+            let numbers: Vec<f64> = (0..count).map(|i| f64::from(i) + 0.5).collect();
+            let error = ErrorSample {
+                header: header(),
+                law: text(law),
+                signals: padded(&numbers),
+                ..Default::default()
+            };
+            let mut json = Vec::new();
+            write(&mut json, &Message::Error(error)).unwrap();
+            let json = String::from_utf8(json).unwrap();
+            assert!(json.contains(keys), "{json}");
+            assert_eq!(read(Topic::Error, json.as_bytes()), Ok(Message::Error(error)), "{law}");
+        }
+    }
+
+    #[test]
+    fn a_signal_that_is_missing_or_of_another_law_is_refused() {
+        let error = ErrorSample { header: header(), law: text("mtj"), ..Default::default() };
+        let mut json = Vec::new();
+        write(&mut json, &Message::Error(error)).unwrap();
+        let json = String::from_utf8(json).unwrap();
+        for (from, to, words) in [
+            (",\"memory\":[0.0,0.0]", "", "missing"),
+            ("\"mtj\"", "\"tj\"", "no field 'factor'"),
+            ("\"factor\":[0.0,0.0]", "\"factor\":[0.0,0.0,0.0]", "fewer numbers"),
+        ] {
+            let sentence = read(Topic::Error, json.replacen(from, to, 1).as_bytes()).unwrap_err();
+            assert!(sentence.contains(words), "{from} → {to}: {sentence}");
+        }
+    }
+
+    #[test]
+    fn a_sample_of_another_protocol_version_is_refused_by_its_version() {
+        let torque = "{\"header\":{\"version\":3,\"joints\":2,\"axes\":2,\"revision\":0,\"run\":1,\
+                      \"sequence\":5,\"time_ns\":0},\"state_sent_ns\":0,\"residence_ns\":0,\
+                      \"controller\":1,\"torque\":[1.0,2.0],\"force\":[3.0,4.0]}";
+        let sentence = read(Topic::Torque, torque.as_bytes()).unwrap_err();
+        assert_eq!(sentence, "it has protocol version 3, and this program reads version 4");
+        let json = br#"{"header":{"version":3}}"#;
+        assert!(read(Topic::Error, json).is_err(), "a header that is none is refused, too");
     }
 
     #[test]

@@ -1,6 +1,9 @@
 //! What the JSON of a recording looks like, and in which units.
 
-use mtj_model::{MAX_AXES, MAX_JOINTS};
+use mtj_model::{
+    MAX_AXES, MAX_ECHO, MAX_JOINTS,
+    law::{LAWS, Signal},
+};
 use mtj_protocol::sample::{
     ChangeSample, ErrorSample, Field, Header, PresenceSample, RequestSample, Sample, StateSample,
     StatusSample, TorqueSample,
@@ -21,13 +24,23 @@ pub fn schema(topic: Topic) -> Value {
                 ("text".to_owned(), words("TOML")),
             ]),
         ),
-        Topic::State => of_sample::<StateSample>("Plant to controller: the measured state"),
-        Topic::Torque => of_sample::<TorqueSample>("Controller to plant: the answer to a state"),
-        Topic::Error => of_sample::<ErrorSample>("How the law saw the instant it answered"),
-        Topic::Status => of_sample::<StatusSample>("The truth about the arm, and book-keeping"),
-        Topic::Request => of_sample::<RequestSample>("A wish to turn a knob of the running loop"),
-        Topic::Change => of_sample::<ChangeSample>("What became of a request"),
-        Topic::Presence => of_sample::<PresenceSample>("Who takes part in the session"),
+        Topic::State => of_sample(
+            "Plant to controller: the measured state",
+            StateSample { echo_count: MAX_ECHO as u64, ..Default::default() },
+        ),
+        Topic::Torque => of_sample(
+            "Controller to plant: the answer to a state",
+            TorqueSample { echo_count: MAX_ECHO as u64, ..Default::default() },
+        ),
+        Topic::Error => of_error(),
+        Topic::Status => {
+            of_sample("The truth about the arm, and book-keeping", StatusSample::default())
+        }
+        Topic::Request => {
+            of_sample("A wish to turn a knob of the running loop", RequestSample::default())
+        }
+        Topic::Change => of_sample("What became of a request", ChangeSample::default()),
+        Topic::Presence => of_sample("Who takes part in the session", PresenceSample::default()),
     }
 }
 
@@ -37,31 +50,62 @@ pub fn unit(field: &str) -> &'static str {
         "position" => "rad",
         "velocity" => "rad/s",
         "torque" => "N m",
-        "applied" | "delivered" | "force" | "memory" => "N",
+        "applied" | "delivered" | "echo" => echo_unit(),
         "error" => "m",
         "error_rate" => "m/s",
         name if name.ends_with("_ns") => "ns",
-        _ => "",
+        name => {
+            let signal = signals().find(|signal| signal.key == name);
+            signal.map_or("", |signal| signal.unit)
+        }
     }
 }
 
-fn of_sample<S: Sample>(description: &str) -> Value {
-    let mut longest = S::default();
-    longest.header_mut().joints = MAX_JOINTS as u32;
-    longest.header_mut().axes = MAX_AXES as u32;
+/// The unit of an echo, if it is the same for all laws.
+fn echo_unit() -> &'static str {
+    let unit = LAWS[0].echo.unit;
+    if LAWS.iter().all(|law| law.echo.unit == unit) { unit } else { "as the law's echo" }
+}
+
+/// The unit of an echo for each law.
+fn echo_units() -> String {
+    let units: Vec<_> = LAWS.iter().map(|law| format!("{}: {}", law.name, law.echo.unit)).collect();
+    format!("as the law's echo ({})", units.join(", "))
+}
+
+/// The signals of all laws.
+fn signals() -> impl Iterator<Item = &'static Signal> {
+    LAWS.iter().flat_map(|law| law.signals)
+}
+
+/// An error shows the signals of its law by their keys, or all as one if the law is not known.
+fn of_error() -> Value {
+    let mut schema = of_sample("How the law saw the instant it answered", ErrorSample::default());
+    for signal in signals() {
+        let most = signal.per.count(MAX_JOINTS, MAX_AXES);
+        schema["properties"][signal.key] = numbers(most, signal.unit);
+    }
+    if let Some(required) = schema["required"].as_array_mut() {
+        required.retain(|name| name != "signals");
+    }
+    schema
+}
+
+/// The schema of a sample as it shows itself with the largest arm.
+fn of_sample<S: Sample>(description: &str, mut sample: S) -> Value {
+    sample.header_mut().joints = MAX_JOINTS as u32;
+    sample.header_mut().axes = MAX_AXES as u32;
     let mut properties = Map::new();
     properties.insert("header".to_owned(), of_header());
-    longest.fields(&mut |name, field| {
+    sample.fields(&mut |name, field| {
         let unit = unit(name);
         let value = match field {
             Field::Count(_) => whole(unit),
             Field::Text(_) => words(unit),
-            Field::Numbers(list) => json!({
-                "type": "array",
-                "items": { "type": "number" },
-                "maxItems": list.len(),
-                "description": unit,
-            }),
+            Field::Numbers(list) if matches!(name, "applied" | "delivered" | "echo") => {
+                numbers(list.len(), &echo_units())
+            }
+            Field::Numbers(list) => numbers(list.len(), unit),
         };
         properties.insert(name.to_owned(), value);
     });
@@ -89,6 +133,15 @@ fn object(description: &str, properties: Map<String, Value>) -> Value {
 
 fn whole(unit: &str) -> Value {
     json!({ "type": "integer", "minimum": 0, "description": unit })
+}
+
+fn numbers(most: usize, unit: &str) -> Value {
+    json!({
+        "type": "array",
+        "items": { "type": "number" },
+        "maxItems": most,
+        "description": unit,
+    })
 }
 
 fn words(form: &str) -> Value {

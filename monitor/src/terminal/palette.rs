@@ -19,7 +19,7 @@ pub enum Ink {
     Tip,
     /// The desired path and point.
     Desired,
-    /// The regulating factor, and all that is well.
+    /// The law's gauge, and all that is well.
     Well,
     /// Torques and forces.
     Force,

@@ -1,26 +1,25 @@
 //! What the terminal dashboard knows: the overview, and the last minutes.
 
-use std::{collections::VecDeque, f64::consts::TAU, sync::Arc};
+use std::{collections::VecDeque, sync::Arc};
 
-use mtj_model::{MAX_AXES, MAX_JOINTS, scenario::Scenario, trajectory::Trajectory};
+use mtj_model::{
+    MAX_JOINTS,
+    law::Signal,
+    scenario::Scenario,
+    scene::{Point, Scene},
+};
 use mtj_protocol::{
     port::{Message, Offered},
     sample::{ErrorSample, StateSample, TorqueSample},
 };
-use nalgebra::Vector2;
 
 use super::track::Track;
-use crate::overview::Overview;
+use crate::overview::{Overview, gauge};
 
 /// How long the trail behind the tip is, s.
 const TRAIL: f64 = 2.0;
 /// How many points it has.
 const TRAIL_POINTS: usize = 400;
-/// How many points the desired path has.
-const PATH_POINTS: usize = 400;
-
-/// A point in the plane, m.
-pub type Point = Vector2<f64>;
 
 /// Everything that is drawn. A copy of it is a picture that stands still.
 #[derive(Clone, Default)]
@@ -29,12 +28,14 @@ pub struct View {
     pub overview: Overview,
     /// ‖e‖ of the measured tip at the samples' own times, m.
     pub error: Track,
-    /// The regulating factor of each axis, all in one.
-    pub factor: Track,
+    /// All numbers of the law's gauge, all in one.
+    pub gauge: Track,
+    /// Which signal that is: the last law's that had one.
+    pub gauged: Option<&'static Signal>,
     /// The commanded torque of each joint, N m.
     pub torque: Vec<Track>,
-    /// The desired path.
-    pub path: Arc<Vec<Point>>,
+    /// What there is to draw of the scenario.
+    pub scene: Option<Arc<Scene>>,
     /// Where the measured tip was lately, with the time, oldest first.
     pub trail: VecDeque<(f64, Point)>,
     /// What fits on the drawing of the arm.
@@ -46,21 +47,25 @@ pub struct View {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stage {
     /// The lower left corner.
-    pub low: Point,
+    pub low: [f64; 2],
     /// The upper right corner.
-    pub high: Point,
+    pub high: [f64; 2],
 }
 
 impl Stage {
-    /// Around some points.
-    pub fn around(points: &[Point]) -> Self {
-        let none = Self { low: Point::zeros(), high: Point::zeros() };
-        points.iter().fold(none, |stage, point| stage.with(point))
+    /// Around the origin and some points.
+    pub fn around<'a>(points: impl IntoIterator<Item = &'a Point>) -> Self {
+        let origin = Self { low: [0.0; 2], high: [0.0; 2] };
+        points.into_iter().fold(origin, Self::with)
     }
 
     /// Large enough for a point, too.
-    pub fn with(self, point: &Point) -> Self {
-        Self { low: self.low.inf(point), high: self.high.sup(point) }
+    pub fn with(mut self, point: &Point) -> Self {
+        for axis in 0..2 {
+            self.low[axis] = self.low[axis].min(point[axis]);
+            self.high[axis] = self.high[axis].max(point[axis]);
+        }
+        self
     }
 }
 
@@ -89,21 +94,22 @@ impl View {
         self.overview.scenario.as_ref().map(|offered| &offered.scenario)
     }
 
-    /// Where the links end by the newest measurement, base first.
+    /// The points of the arm by the newest measurement, base first, tip last.
     pub fn arm(&self) -> Option<Vec<Point>> {
-        let state = self.overview.state.as_ref()?;
-        Some(self.scenario()?.arm.ends(&state.position))
+        Some(self.scene.as_ref()?.points(&self.overview.state.as_ref()?.position))
     }
 
     /// Where the tip should have been at the newest measurement.
     pub fn desired(&self) -> Option<Point> {
         self.overview.state.as_ref()?;
-        Some(self.scenario()?.trajectory.at(self.overview.time()).position)
+        Some(self.scene.as_ref()?.desired(self.overview.time()))
     }
 
-    /// Desired less measured tip, at the newest measurement.
-    pub fn deviation(&self) -> Option<Point> {
-        Some(self.desired()? - self.arm()?.last()?)
+    /// ‖e‖ of the measured tip at the newest measurement, m.
+    pub fn deviation(&self) -> Option<f64> {
+        let state = self.overview.state.as_ref()?;
+        let error = self.scene.as_ref()?.error(self.overview.time(), &state.position);
+        Some(error.iter().map(|e| e * e).sum::<f64>().sqrt())
     }
 
     fn begin(&mut self, run: u64) {
@@ -114,23 +120,19 @@ impl View {
     }
 
     fn plan(&mut self, offered: &Offered) {
-        let scenario = &offered.scenario;
-        self.path = Arc::new(path(&scenario.trajectory));
-        let start = scenario.arm.ends(&scenario.arm.position);
-        self.stage = Some(Stage::around(&[&self.path[..], &start].concat()));
+        let scene = Scene::new(&offered.scenario);
+        self.stage = Some(Stage::around(scene.path().iter().chain(&scene.start())));
+        self.scene = Some(Arc::new(scene));
     }
 
     fn hear_state(&mut self, state: &StateSample) {
         let time = state.header.time_ns as f64 * 1e-9;
-        let Some(ends) = self.arm() else { return };
-        for end in &ends {
-            self.stage = self.stage.map(|stage| stage.with(end));
-        }
-        let (Some(tip), Some(desired)) = (ends.last(), self.desired()) else { return };
-        self.error.push(time, (desired - tip).norm());
+        let (Some(arm), Some(deviation)) = (self.arm(), self.deviation()) else { return };
+        self.stage = self.stage.map(|stage| arm.iter().fold(stage, Stage::with));
+        self.error.push(time, deviation);
         let step = TRAIL / TRAIL_POINTS as f64;
         if self.trail.back().is_none_or(|(last, _)| time - last >= step) {
-            self.trail.push_back((time, *tip));
+            self.trail.extend(arm.last().map(|tip| (time, *tip)));
         }
         while self.trail.front().is_some_and(|(first, _)| time - first > TRAIL) {
             self.trail.pop_front();
@@ -148,24 +150,12 @@ impl View {
 
     fn hear_error(&mut self, error: &ErrorSample) {
         let time = error.header.time_ns as f64 * 1e-9;
-        let axes = MAX_AXES.min(error.header.axes as usize);
-        for factor in &error.factor[..axes] {
-            self.factor.push(time, *factor);
+        let Some(signal) = error.description().and_then(gauge) else { return };
+        if self.gauged.replace(signal) != Some(signal) {
+            self.gauge = Track::default();
+        }
+        for number in error.signal(signal.key).into_iter().flatten() {
+            self.gauge.push(time, *number);
         }
     }
-}
-
-/// One round of a desired motion, or all of it if it comes to rest.
-fn path(trajectory: &Trajectory<f64>) -> Vec<Point> {
-    let duration = match trajectory {
-        Trajectory::Circle(circle) | Trajectory::PerturbedCircle(circle, _) => {
-            TAU / circle.angular_frequency.abs()
-        }
-        Trajectory::PointToPoint(line) => line.duration,
-    };
-    // A circle that does not turn is a point.
-    let duration = if duration.is_finite() { duration } else { 0.0 };
-    (0..PATH_POINTS)
-        .map(|i| trajectory.at(duration * i as f64 / (PATH_POINTS - 1) as f64).position)
-        .collect()
 }

@@ -13,7 +13,7 @@ use mtj_protocol::{
 
 use super::{
     history::{Bin, History, WIDTH_NS, merge},
-    series::Readings,
+    series::{Readings, Table},
 };
 use crate::overview::{Overview, Phase, run_and_time};
 
@@ -85,6 +85,8 @@ impl Cursor {
 pub struct News {
     /// The scenario, if it is another one.
     pub scenario: Option<Arc<Offered>>,
+    /// Which series the bins are of.
+    pub table: Arc<Table>,
     /// Bins, oldest first.
     pub bins: Vec<Bin>,
     /// How many bins' time each of them spans.
@@ -116,7 +118,11 @@ impl Board {
             _ if self.overview.is_past(message) => return,
             Message::Scenario(offered) => {
                 self.begin(offered.run);
-                self.readings.follow(offered);
+                self.readings.follow(&offered.scenario);
+                let series = self.readings.table().names().len();
+                if self.history.series() != series {
+                    self.history = History::new(series);
+                }
                 for early in std::mem::take(&mut self.early) {
                     self.plot(&early);
                 }
@@ -165,7 +171,7 @@ impl Board {
         if self.run != Some(run) {
             return;
         }
-        if !self.readings.has_scenario() && self.early.len() < EARLY {
+        if self.readings.scene().is_none() && self.early.len() < EARLY {
             return self.early.push(message.clone());
         }
         let place = time_ns / WIDTH_NS;
@@ -240,6 +246,7 @@ impl Board {
     fn news_until(&self, since: &Cursor, until: &Cursor, most: usize, span: u64) -> News {
         let mut news = News {
             scenario: None,
+            table: Arc::clone(self.readings.table()),
             bins: Vec::new(),
             span,
             marks: Vec::new(),
@@ -264,7 +271,7 @@ impl Board {
         let bins = self.history.between(known.bin, until.bin);
         news.is_all = bins.len() <= most;
         let first = bins.clone().next().map_or(known.bin, |bin| bin.place);
-        news.bins = merge(bins.take(most).copied(), first, span);
+        news.bins = merge(bins.take(most).cloned(), first, span);
         news.cursor = *until;
         if !news.is_all {
             news.cursor.publication = since.publication;
@@ -280,7 +287,6 @@ mod tests {
     use mtj_protocol::sample::{Header, StateSample, StatusSample, TorqueSample, VERSION, padded};
 
     use super::*;
-    use crate::web::series::Series;
 
     const MS: u64 = 1_000_000;
 
@@ -357,11 +363,12 @@ mod tests {
         let step = board.publish();
         by_steps.extend(board.news_of(&step).bins);
         by_looking.extend(board.news(&lazy, usize::MAX).bins);
+        let series = board.readings.table().place("torque.0");
         for bins in [&by_steps, &by_looking] {
             let places: Vec<u64> = bins.iter().map(|bin| bin.place).collect();
             assert_eq!(places, (0..294).collect::<Vec<_>>());
             for bin in bins.iter() {
-                let torque = bin.ranges[Series::Torque as usize];
+                let torque = bin.ranges[series];
                 let first = 10.0 * bin.place as f32;
                 assert_eq!((torque.min, torque.max), (first, first + 9.0), "bin {}", bin.place);
             }
@@ -432,7 +439,8 @@ mod tests {
                 news.bins.iter().map(|bin| bin.place).collect::<Vec<_>>(),
                 (0..14).collect::<Vec<_>>()
             );
-            assert!(news.bins.iter().all(|bin| bin.ranges[Series::Torque as usize].is_empty()));
+            let series = board.readings.table().place("torque.0");
+            assert!(news.bins.iter().all(|bin| bin.ranges[series].is_empty()));
             assert!(news.marks.is_empty());
         }
     }

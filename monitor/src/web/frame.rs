@@ -3,9 +3,13 @@
 use std::time::Duration;
 
 use mtj_model::{
-    gains::Gains,
-    scenario::{FactorKind, Horizon, MemoryPolicy, Scenario, duration},
-    trajectory::Trajectory,
+    law::{
+        Description, LAWS, Parameter, Per, Signal,
+        describe::{Default, Form},
+    },
+    scenario::{MEMORY, PREDICTION, Scenario, duration},
+    scene::{Point, Scene},
+    task,
 };
 use mtj_protocol::{
     port::Offered,
@@ -19,14 +23,12 @@ use serde_json::{Value, json};
 
 use super::{
     Place,
-    board::Board,
+    board::{Board, News},
     history::{Bin, WIDTH_NS},
-    series::NAMES,
+    series::Table,
 };
 use crate::overview::{Alarm, Overview, Party, Phase};
 
-/// How many points draw the desired path.
-const POINTS: usize = 400;
 /// A role that says nothing at all for so long is silent, whatever the phase.
 const SILENT: Duration = Duration::from_millis(2500);
 /// Of a histogram: bins of equal width on a logarithmic axis, a decade.
@@ -34,7 +36,7 @@ const BINS_A_DECADE: i32 = 10;
 /// Of a histogram: 1 µs to 1 s.
 const DECADES: i32 = 6;
 
-/// Which session this is.
+/// Which session this is, and which laws there are.
 pub fn hello(place: &Place, read_only: bool) -> String {
     json!({
         "kind": "hello",
@@ -42,8 +44,71 @@ pub fn hello(place: &Place, read_only: bool) -> String {
         "bus": place.bus,
         "version": env!("CARGO_PKG_VERSION"),
         "read_only": read_only,
+        "laws": LAWS.iter().map(|law| described(law)).collect::<Vec<_>>(),
     })
     .to_string()
+}
+
+/// A law with its knobs and its plots.
+fn described(law: &Description) -> Value {
+    json!({
+        "name": law.name,
+        "title": law.title,
+        "equation": law.equation,
+        "parameters": parameters(law).map(parameter).collect::<Vec<_>>(),
+        "signals": std::iter::once(&law.echo).chain(law.signals).map(signal).collect::<Vec<_>>(),
+    })
+}
+
+/// All keys that a law reads: its own, and those of memory and prediction.
+fn parameters(law: &Description) -> impl Iterator<Item = &'static Parameter> {
+    let memory = if law.has_memory { MEMORY } else { &[] };
+    memory.iter().chain(PREDICTION).chain(law.parameters)
+}
+
+fn parameter(parameter: &Parameter) -> Value {
+    let (form, words): (_, &[&str]) = match parameter.form {
+        Form::Choice(words) => ("choice", words),
+        Form::Number => ("number", &[]),
+        Form::List => ("list", &[]),
+        Form::Matrix => ("matrix", &[]),
+        Form::MatrixOr(words) => ("matrix", words),
+        Form::Flag => ("choice", &["false", "true"]),
+        Form::Duration => ("duration", &[]),
+        Form::DurationOr(words) => ("duration", words),
+    };
+    json!({
+        "key": parameter.key,
+        "label": parameter.label,
+        "form": form,
+        "words": words,
+        "unit": parameter.unit,
+        "default": match parameter.default {
+            Default::Required => Value::Null,
+            Default::Value(value) => value.into(),
+            Default::SameAs(key) => key.into(),
+        },
+        "help": parameter.help,
+    })
+}
+
+fn signal(signal: &Signal) -> Value {
+    json!({
+        "key": signal.key,
+        "symbol": signal.symbol,
+        "title": signal.title,
+        "unit": signal.unit,
+        "per": match signal.per {
+            Per::Axis => "axis",
+            Per::Joint => "joint",
+            Per::Arm => "arm",
+        },
+        "range": signal.range,
+    })
+}
+
+fn axis(axis: &task::Axis) -> Value {
+    json!({ "name": axis.name, "unit": axis.unit })
 }
 
 /// What the plant offers.
@@ -51,82 +116,42 @@ pub fn scenario(offered: &Offered) -> String {
     let scenario = &offered.scenario;
     let limits = &scenario.safety.torque_limit;
     let is_limited = limits.iter().any(|limit| limit.is_finite());
-    let links: Vec<f64> = scenario.arm.links.iter().map(|link| link.length).collect();
+    let scene = Scene::new(scenario);
     json!({
         "kind": "scenario",
         "run": offered.run.to_string(),
         "revision": offered.revision,
         "name": scenario.name,
         "clock": scenario.timing.clock.name(),
-        "joints": links.len(),
-        "axes": mtj_model::PLANE,
-        "links": links,
-        "path": path(&scenario.trajectory),
+        "joints": scenario.arm.links.len(),
+        "axes": scene.task().axes.iter().map(axis).collect::<Vec<_>>(),
+        "reach": scene.reach(),
+        "path": scene.path().iter().map(|point| to_the_micrometre(*point)).collect::<Vec<_>>(),
         "torque_limit": is_limited.then_some(limits),
         "knobs": knobs(scenario),
     })
     .to_string()
 }
 
-/// The desired path over one period.
-fn path(trajectory: &Trajectory<f64>) -> Vec<[f64; 2]> {
-    let period = match trajectory {
-        Trajectory::Circle(circle) | Trajectory::PerturbedCircle(circle, _) => {
-            std::f64::consts::TAU / circle.angular_frequency.abs()
-        }
-        Trajectory::PointToPoint(line) => line.duration,
-    };
-    // A circle that stands still has no period.
-    let period = if period.is_finite() { period } else { 0.0 };
-    // To the micrometre: it is a line on a screen.
-    let at = |i: usize| {
-        let point = trajectory.at(period * i as f64 / (POINTS - 1) as f64).position;
-        point.map(|x| (x * 1e6).round() / 1e6).into()
-    };
-    (0..POINTS).map(at).collect()
+/// It is a line on a screen.
+fn to_the_micrometre(point: Point) -> Point {
+    point.map(|x| (x * 1e6).round() / 1e6)
 }
 
 /// The knobs' positions, each as it would be set.
 fn knobs(scenario: &Scenario) -> Value {
-    let law = &scenario.law;
-    json!({
-        "law.kind": law.kind.name(),
-        "law.kp": diagonal(&law.kp),
-        "law.kd": diagonal(&law.kd),
-        "law.factor.kind": match law.factor.kind {
-            FactorKind::Switch => "switch",
-            FactorKind::Exponential => "exponential",
-            FactorKind::Diagonal => "diagonal",
-        },
-        "law.factor.error": law.factor.error.as_slice(),
-        "law.factor.error_rate": law.factor.error_rate.as_slice(),
-        "law.factor.ceiling": law.factor.ceiling,
-        "law.memory.policy": match law.memory.policy {
-            MemoryPolicy::Sent => "sent",
-            MemoryPolicy::Applied => "applied",
-            MemoryPolicy::Delivered => "delivered",
-        },
-        "law.memory.step": words(law.memory.step),
-        "law.prediction.horizon": law.prediction.map(|horizon| match horizon {
-            Horizon::Measured => "measured".to_owned(),
-            Horizon::Fixed(horizon) => words(horizon),
-        }),
+    let mut knobs = json!({
+        "law.kind": scenario.law.law.description().name,
         "timing.sample_period": words(scenario.timing.sample_period),
         "link.state.latency": words(scenario.link.state.latency),
         "link.torque.latency": words(scenario.link.torque.latency),
         "sensor.noise": scenario.noise,
-    })
-}
-
-/// One number if all are the same; nothing if it takes a matrix to say it.
-fn diagonal<const M: usize>(gains: &Gains<f64, M>) -> Value {
-    match gains {
-        Gains::Diagonal(diagonal) if diagonal.iter().all(|gain| *gain == diagonal[0]) => {
-            json!(diagonal[0])
-        }
-        Gains::Diagonal(diagonal) => json!(diagonal.as_slice()),
-        Gains::Full(_) => Value::Null,
+    });
+    let settings = scenario.settings();
+    for parameter in parameters(scenario.law.law.description()) {
+        knobs[parameter.key] = json!(settings.get(parameter));
     }
+    knobs
 }
 
 /// A duration without the blank before its unit.
@@ -134,10 +159,14 @@ fn words(length: Duration) -> String {
     if length.is_zero() { "0ms".to_owned() } else { duration::format(length).replace(' ', "") }
 }
 
-/// Bins, each of which spans the time of `span`.
-pub fn bins(bins: &[Bin], span: u64) -> String {
-    let bins =
-        BinsMessage { kind: "bins", width: seconds(span), t: Starts(bins), series: Curves(bins) };
+/// The bins of some news.
+pub fn bins(News { table, bins, span, .. }: &News) -> String {
+    let bins = BinsMessage {
+        kind: "bins",
+        width: seconds(*span),
+        t: Starts(bins),
+        series: Curves { table, bins },
+    };
     // Fails only where a map's keys are no strings.
     serde_json::to_string(&bins).unwrap_or_default()
 }
@@ -164,14 +193,17 @@ impl Serialize for Starts<'_> {
 }
 
 /// The series that have a sample in any of the bins.
-struct Curves<'a>(&'a [Bin]);
+struct Curves<'a> {
+    table: &'a Table,
+    bins: &'a [Bin],
+}
 
 impl Serialize for Curves<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
-        for (series, name) in NAMES.iter().enumerate() {
-            if self.0.iter().any(|bin| !bin.ranges[series].is_empty()) {
-                map.serialize_entry(name, &Curve { bins: self.0, series })?;
+        for (series, name) in self.table.names().iter().enumerate() {
+            if self.bins.iter().any(|bin| !bin.ranges[series].is_empty()) {
+                map.serialize_entry(name, &Curve { bins: self.bins, series })?;
             }
         }
         map.end()
@@ -223,22 +255,18 @@ pub fn mark(change: &ChangeSample) -> String {
 /// How things are at this moment.
 pub fn now(board: &Board, dashboards: usize, with_histogram: bool) -> String {
     let overview = &board.overview;
-    let header = overview.header().unwrap_or_default();
-    let joints = header.joints as usize;
     let (state, status) = (overview.state.as_ref(), overview.status.as_ref());
-    let measured_at = state.map(|state| state.header.time_ns as f64 * 1e-9);
-    let scenario = overview.scenario.as_ref();
-    let law = overview.law().or(scenario.map(|offered| offered.scenario.law.kind));
+    let scene = board.readings.scene();
     let alarm = overview.alarm();
     let mut now = json!({
         "kind": "now",
         "time": overview.time(),
         "phase": overview.phase().map(phase),
         "alarm": alarm.map(|alarm| json!({ "code": code(alarm), "sentence": alarm.sentence() })),
-        "q": state.map(|state| &state.position[..joints]),
-        "true_q": status.map(|status| &status.position[..joints]),
-        "desired": measured_at.and_then(|time| board.readings.desired(time)),
-        "law": law.map(|law| law.name()),
+        "arm": scene.zip(state).map(|(scene, state)| scene.points(&state.position)),
+        "true_arm": scene.zip(status).map(|(scene, status)| scene.points(&status.position)),
+        "desired": scene.zip(state).map(|(scene, _)| scene.desired(overview.time())),
+        "law": overview.law().map(|law| law.name),
         "counts": status.map(|status| json!({
             "sent": status.sent,
             "applied": status.applied,

@@ -5,8 +5,6 @@
 
 use std::collections::VecDeque;
 
-use super::series::COUNT;
-
 /// The width of a bin, ns of run time.
 pub const WIDTH_NS: u64 = 10_000_000;
 /// How many bins of run time are kept: ten minutes.
@@ -37,27 +35,32 @@ impl Range {
 }
 
 /// All series over one bin's time.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Bin {
     /// Which one, counted from the beginning of the run.
     pub place: u64,
     /// One for each series.
-    pub ranges: [Range; COUNT],
-}
-
-impl Bin {
-    fn at(place: u64) -> Self {
-        Self { place, ranges: [Range::EMPTY; COUNT] }
-    }
+    pub ranges: Box<[Range]>,
 }
 
 /// The bins of the last ten minutes of a run that have samples.
 #[derive(Default)]
 pub struct History {
+    series: usize,
     bins: VecDeque<Bin>,
 }
 
 impl History {
+    /// Of so many series.
+    pub fn new(series: usize) -> Self {
+        Self { series, bins: VecDeque::new() }
+    }
+
+    /// How many series there are.
+    pub fn series(&self) -> usize {
+        self.series
+    }
+
     /// Counts one sample of a series.
     pub fn add(&mut self, time_ns: u64, series: usize, value: f64) {
         // Rounding keeps the order, so the largest is still the largest.
@@ -79,7 +82,8 @@ impl History {
             _ => self.bins.len(),
         };
         if self.bins.get(index).is_none_or(|bin| bin.place != place) {
-            self.bins.insert(index, Bin::at(place));
+            let ranges = vec![Range::EMPTY; self.series].into();
+            self.bins.insert(index, Bin { place, ranges });
         }
         let mut index = index;
         while self.bins.front().is_some_and(|oldest| oldest.place + KEPT <= place) {
@@ -109,8 +113,8 @@ pub fn merge(bins: impl Iterator<Item = Bin>, first: u64, span: u64) -> Vec<Bin>
         match merged.last_mut().filter(|last| last.place == place) {
             None => merged.push(Bin { place, ..bin }),
             Some(last) => {
-                for (range, more) in last.ranges.iter_mut().zip(bin.ranges) {
-                    range.add(more);
+                for (range, more) in last.ranges.iter_mut().zip(&bin.ranges) {
+                    range.add(*more);
                 }
             }
         }
@@ -156,7 +160,7 @@ mod tests {
     fn thinning_at_10_khz_keeps_every_peak() {
         for seed in 1..6 {
             let samples = samples(seed);
-            let mut history = History::default();
+            let mut history = History::new(5);
             for (time, value) in &samples {
                 history.add(*time, 3, *value);
             }
@@ -173,12 +177,12 @@ mod tests {
     #[test]
     fn merging_neighbours_keeps_every_peak() {
         let samples = samples(7);
-        let mut history = History::default();
+        let mut history = History::new(5);
         for (time, value) in &samples {
             history.add(*time, 0, *value);
         }
         for span in [1, 2, 7, 60, 1000] {
-            let merged = merge(history.between(3, 190).copied(), 3, span);
+            let merged = merge(history.between(3, 190).cloned(), 3, span);
             assert_eq!(merged.len() as u64, 187_u64.div_ceil(span));
             for bin in merged {
                 let (from, to) = (bin.place, (bin.place + span).min(190));
@@ -190,7 +194,7 @@ mod tests {
 
     #[test]
     fn ten_minutes_are_kept_and_no_more() {
-        let mut history = History::default();
+        let mut history = History::new(5);
         for second in 0..3000 {
             history.add(second * 1_000_000_000, 0, second as f64);
         }

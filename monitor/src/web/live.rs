@@ -157,7 +157,7 @@ async fn send(socket: &mut WebSocket, message: Utf8Bytes) -> Result<(), Gone> {
 
 fn words(news: &News) -> Vec<Utf8Bytes> {
     let scenario = news.scenario.iter().map(|offered| frame::scenario(offered));
-    let bins = (!news.bins.is_empty()).then(|| frame::bins(&news.bins, news.span));
+    let bins = (!news.bins.is_empty()).then(|| frame::bins(news));
     let marks = news.marks.iter().map(frame::mark);
     scenario.chain(bins).chain(marks).map(Utf8Bytes::from).collect()
 }

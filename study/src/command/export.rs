@@ -133,22 +133,25 @@ fn show_all(message: &Message, show: &mut dyn FnMut(&'static str, Field<'_>)) {
     recording::fields(message, show);
 }
 
+/// Adds the columns that a message needs: errors show the signals of the law that was in effect.
 fn widen(layout: &mut Layout, message: &Message) {
     if layout.is_empty() {
         layout.push(Column { name: LOG_TIME, numbers: None });
-        show_all(message, &mut |name, field| {
+    }
+    show_all(message, &mut |name, field| {
+        let place = place(layout, name).unwrap_or_else(|| {
             let numbers = matches!(field, Field::Numbers(_)).then_some(0);
             layout.push(Column { name, numbers });
+            layout.len() - 1
         });
-    }
-    let mut columns = layout.iter_mut().skip(1);
-    show_all(message, &mut |_, field| {
-        if let (Some(Column { numbers: Some(most), .. }), Field::Numbers(list)) =
-            (columns.next(), field)
-        {
+        if let (Some(most), Field::Numbers(list)) = (&mut layout[place].numbers, field) {
             *most = list.len().max(*most);
         }
     });
+}
+
+fn place(layout: &Layout, name: &str) -> Option<usize> {
+    layout.iter().position(|column| column.name == name)
 }
 
 fn names(layout: &Layout) -> Vec<String> {
@@ -161,21 +164,27 @@ fn names(layout: &Layout) -> Vec<String> {
 
 impl Table {
     fn add(&mut self, recorded: &Recorded) -> io::Result<()> {
-        let mut row = recorded.log_time.to_string();
-        let mut columns = self.layout.iter().skip(1);
-        show_all(&recorded.message, &mut |_, field| {
-            let numbers = columns.next().and_then(|column| column.numbers).unwrap_or(0);
-            match field {
-                Field::Count(count) => row += &format!(",{count}"),
-                Field::Text(words) => row += &format!(",\"{}\"", words.replace('"', "\"\"")),
-                Field::Numbers(list) => {
-                    // The shortest digits that mean the same number.
-                    list.iter().for_each(|number| row += &format!(",{number:?}"));
-                    row += &",".repeat(numbers - list.len());
-                }
-            }
+        let mut cells: Vec<_> = self.layout.iter().map(|column| column.cells(&[])).collect();
+        cells[0] = vec![recorded.log_time.to_string()];
+        show_all(&recorded.message, &mut |name, field| {
+            let Some(place) = place(&self.layout, name) else { return };
+            cells[place] = match field {
+                Field::Count(count) => vec![count.to_string()],
+                Field::Text(words) => vec![format!("\"{}\"", words.replace('"', "\"\""))],
+                Field::Numbers(list) => self.layout[place].cells(list),
+            };
         });
         self.rows += 1;
-        writeln!(self.out, "{row}")
+        writeln!(self.out, "{}", cells.concat().join(","))
+    }
+}
+
+impl Column {
+    /// As many cells as the longest list has numbers, or one; those past the end of a list are empty.
+    /// Numbers have the shortest digits that mean the same.
+    fn cells(&self, list: &[f64]) -> Vec<String> {
+        let mut cells: Vec<_> = list.iter().map(|number| format!("{number:?}")).collect();
+        cells.resize(self.numbers.unwrap_or(1), String::new());
+        cells
     }
 }

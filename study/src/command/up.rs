@@ -47,7 +47,7 @@ impl Up {
         let greeting = format!(
             "mtj up: {} under {} over {}, T_s = {:?}; Ctrl-C ends it, 'mtj set KEY=VALUE' changes it",
             scenario.name,
-            scenario.law.kind.name(),
+            scenario.law.law.description().name,
             scenario.bus.kind.name(),
             scenario.timing.sample_period
         );

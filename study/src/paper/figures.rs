@@ -40,7 +40,7 @@ fn desired_path(trajectory: &Trajectory<f64>) -> Figure {
     const POINTS: u32 = 720;
     let turn = std::f64::consts::TAU; // ω = 1 rad/s
     let path = (0..=POINTS).map(|i| {
-        let position = trajectory.at(turn * f64::from(i) / f64::from(POINTS)).position;
+        let position = trajectory.at::<2>(turn * f64::from(i) / f64::from(POINTS)).point;
         (position[0], position[1])
     });
     Figure {

@@ -5,10 +5,19 @@
 
 use std::fmt;
 
-use mtj_controller::law::{
-    Factor, ModelBased, ModifiedTransposeJacobian, TrackingError, TransposeJacobian,
+use mtj_model::{
+    arm::TaskDynamics,
+    for_links,
+    gains::Gains,
+    law::{
+        factor::{Factor, FactorKind, Threshold},
+        mb::ModelBased,
+        mtj::ModifiedTransposeJacobian,
+        tj::TransposeJacobian,
+    },
+    matrix,
+    task::TrackingError,
 };
-use mtj_model::{for_links, gains::Gains, matrix, task::TaskDynamics};
 use nalgebra::{SMatrix, SVector};
 use serde::Serialize;
 
@@ -109,11 +118,13 @@ fn count_at<const N: usize>() -> Counts {
     };
 
     let tj = TransposeJacobian { kp, kd };
-    let with_factor = |factor| {
-        let law = ModifiedTransposeJacobian { tj, factor, ceiling: None };
+    let with_factor = |kind| {
+        let (error_rate, ceiling) = (Threshold::Same(Counted(100.0)), None);
+        let threshold = Threshold::Same(Counted(10.0));
+        let factor = Factor { kind, error: threshold, error_rate, ceiling };
+        let law = ModifiedTransposeJacobian { tj, factor, acceleration: None };
         step(&|| law.task_force(&error, Some(&remembered), None).force)
     };
-    let (threshold, rate_threshold) = (Counted(10.0), Counted(100.0));
     let mb = ModelBased { kp, kd };
     let (inertia, terms, inverse) = (full(4.0), vector(0.4), full(0.9));
     let (jacobian_rate, velocity) = (full(0.2), vector(1.5));
@@ -124,15 +135,9 @@ fn count_at<const N: usize>() -> Counts {
     Counts {
         n: N as u64,
         tj: step(&|| tj.task_force(&error)),
-        mtj_switch: with_factor(Factor::Switch { error: threshold, error_rate: rate_threshold }),
-        mtj_exponential: with_factor(Factor::Exponential {
-            error: threshold,
-            error_rate: rate_threshold,
-        }),
-        mtj_diagonal: with_factor(Factor::Diagonal {
-            error: SVector::repeat(threshold),
-            error_rate: SVector::repeat(rate_threshold),
-        }),
+        mtj_switch: with_factor(FactorKind::Switch),
+        mtj_exponential: with_factor(FactorKind::Exponential),
+        mtj_diagonal: with_factor(FactorKind::Diagonal),
         norms,
         mb: step(&|| {
             let dynamics = TaskDynamics::new(&inertia, &terms, &inverse, &rate_velocity);

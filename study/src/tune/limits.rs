@@ -3,6 +3,8 @@
 use mtj_model::{
     arm::{Kinematics, planar::Configuration},
     for_axes, for_links,
+    gains::Gains,
+    law::{Law, factor::Factor, mtj::ModifiedTransposeJacobian, tj::TransposeJacobian},
     scenario::{Override, Scenario},
     task::{Tip, TrackingError},
 };
@@ -135,14 +137,24 @@ impl Arm {
     }
 
     /// The loop on one mass at [`MARGIN`] times the latency.
-    fn linear(&self, kd: f64, mass: f64, k: f64, memory: Memory, wanted: &Wanted) -> LinearLoop {
+    fn linear(
+        &self,
+        kd: f64,
+        mass: f64,
+        k: f64,
+        memory: Memory,
+        wanted: &Wanted,
+    ) -> LinearLoop<1> {
+        let gain = |gain| Gains::Diagonal(SVector::repeat(gain));
+        let tj = TransposeJacobian { kp: gain(kd / wanted.time_constant_s), kd: gain(kd) };
+        let factor = Factor::constant(k);
         LinearLoop {
+            law: Law::Mtj(ModifiedTransposeJacobian { tj, factor, acceleration: None }),
             mass,
-            kp: kd / wanted.time_constant_s,
-            kd,
+            model_mass: mass,
             period: self.period,
             latency: MARGIN * wanted.latency_s,
-            memory: Some((k, memory.policy)),
+            memory: memory.policy,
             predicts: memory.predicts,
         }
     }

@@ -1,5 +1,6 @@
 //! The arm at scale.
 
+use mtj_model::scene::Point;
 use ratatui::{
     buffer::Buffer,
     layout::Rect,
@@ -12,10 +13,7 @@ use ratatui::{
 };
 
 use super::Picture;
-use crate::terminal::{
-    palette::Ink,
-    view::{Point, Stage},
-};
+use crate::terminal::{palette::Ink, view::Stage};
 
 /// The part of the trail that is drawn densely, s.
 const FRESH: f64 = 0.6;
@@ -47,20 +45,22 @@ struct Frame {
 impl Frame {
     fn of(stage: Stage, area: Rect) -> Self {
         let dots = (f64::from(area.width) * 2.0, f64::from(area.height) * 4.0);
-        let size = (stage.high - stage.low) * 1.04;
-        let dot = (size.x / dots.0).max(size.y / dots.1).max(1e-9);
-        let middle = (stage.high + stage.low) / 2.0;
-        let around =
-            |middle: f64, dots: f64| [middle - dot * dots / 2.0, middle + dot * dots / 2.0];
-        Self { x: around(middle.x, dots.0), y: around(middle.y, dots.1), dots }
+        let Stage { low, high } = stage;
+        let size = |axis: usize| (high[axis] - low[axis]) * 1.04;
+        let dot = (size(0) / dots.0).max(size(1) / dots.1).max(1e-9);
+        let around = |axis: usize, dots: f64| {
+            let middle = f64::midpoint(low[axis], high[axis]);
+            [middle - dot * dots / 2.0, middle + dot * dots / 2.0]
+        };
+        Self { x: around(0, dots.0), y: around(1, dots.1), dots }
     }
 
     /// The cell of a point.
     fn cell(&self, point: &Point, area: Rect) -> (u16, u16) {
         let along =
             |value: f64, [low, high]: [f64; 2]| ((value - low) / (high - low)).clamp(0.0, 1.0);
-        let x = (along(point.x, self.x) * (self.dots.0 - 1.0)).round() as u16 / 2;
-        let y = ((1.0 - along(point.y, self.y)) * (self.dots.1 - 1.0)).round() as u16 / 4;
+        let x = (along(point[0], self.x) * (self.dots.0 - 1.0)).round() as u16 / 2;
+        let y = ((1.0 - along(point[1], self.y)) * (self.dots.1 - 1.0)).round() as u16 / 4;
         (area.x + x, area.y + y)
     }
 
@@ -72,7 +72,8 @@ impl Frame {
 
 fn draw_lines(picture: &Picture, frame: &Frame, arm: &[Point], area: Rect, buf: &mut Buffer) {
     let color = |ink| picture.palette.color(ink);
-    let path: Vec<_> = picture.view.path.iter().map(|point| (point.x, point.y)).collect();
+    let flat = |point: &Point| (point[0], point[1]);
+    let path: Vec<_> = picture.view.scene.iter().flat_map(|scene| scene.path()).map(flat).collect();
     let now = picture.view.overview.time();
     // It fades by getting thinner, which needs no colour.
     let trail: Vec<_> = picture
@@ -81,7 +82,7 @@ fn draw_lines(picture: &Picture, frame: &Frame, arm: &[Point], area: Rect, buf: 
         .iter()
         .enumerate()
         .filter(|(i, (time, _))| now - time < FRESH || i % 8 == 0)
-        .map(|(_, (_, point))| (point.x, point.y))
+        .map(|(_, (_, point))| flat(point))
         .collect();
     Canvas::default()
         .marker(Marker::Braille)
@@ -92,16 +93,9 @@ fn draw_lines(picture: &Picture, frame: &Frame, arm: &[Point], area: Rect, buf: 
             canvas.layer();
             canvas.draw(&Points { coords: &trail, color: color(Ink::Tip) });
             canvas.layer();
-            let mut from = Point::zeros();
-            for end in arm {
-                canvas.draw(&Link {
-                    x1: from.x,
-                    y1: from.y,
-                    x2: end.x,
-                    y2: end.y,
-                    color: color(Ink::Strong),
-                });
-                from = *end;
+            for link in arm.windows(2) {
+                let [(x1, y1), (x2, y2)] = [flat(&link[0]), flat(&link[1])];
+                canvas.draw(&Link { x1, y1, x2, y2, color: color(Ink::Strong) });
             }
         })
         .render(area, buf);
@@ -111,8 +105,8 @@ fn draw_points(picture: &Picture, frame: &Frame, arm: &[Point], area: Rect, buf:
     let mut put = |cell: (u16, u16), symbol: &str, ink| {
         buf[cell].set_symbol(symbol).set_style(picture.palette.style(ink));
     };
-    put(frame.cell(&Point::zeros(), area), "■", Ink::Strong);
-    let Some((tip, elbows)) = arm.split_last() else { return };
+    let [base, elbows @ .., tip] = arm else { return };
+    put(frame.cell(base, area), "■", Ink::Strong);
     for elbow in elbows {
         put(frame.cell(elbow, area), "●", Ink::Strong);
     }

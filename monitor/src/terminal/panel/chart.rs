@@ -1,6 +1,5 @@
 //! Numbers over time.
 
-use mtj_model::scenario::LawKind;
 use ratatui::{
     buffer::Buffer,
     layout::Rect,
@@ -10,7 +9,10 @@ use ratatui::{
 };
 
 use super::Picture;
-use crate::terminal::{palette::Ink, track::Track};
+use crate::{
+    overview::gauge,
+    terminal::{palette::Ink, track::Track},
+};
 
 /// Below this an error is drawn as this: a logarithm has no zero. m.
 const SMALLEST_ERROR: f64 = 1e-9;
@@ -21,7 +23,7 @@ const GAP: f64 = 0.5;
 pub fn error(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let [from, to] = window(picture);
     let range = picture.view.error.range(from, to);
-    let newest = picture.view.deviation().map(|deviation| deviation.norm());
+    let newest = picture.view.deviation();
     let right = match (newest, range) {
         (Some(newest), Some(range)) => Line::from(vec![
             picture.ink(format!("{newest:.2e} m"), Ink::Tip),
@@ -41,32 +43,41 @@ pub fn error(picture: &Picture, area: Rect, buf: &mut Buffer) {
     plot.paint(picture, area, buf);
 }
 
-/// The regulating factor.
-pub fn factor(picture: &Picture, area: Rect, buf: &mut Buffer) {
+/// The law's gauge: the first of its signals that has a range.
+pub fn signal(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let overview = &picture.view.overview;
-    let law = overview.law().or(picture.view.scenario().map(|scenario| scenario.law.kind));
+    let law = overview.law();
+    let now = law.and_then(gauge);
+    let shown = now.or(picture.view.gauged);
     let [from, to] = window(picture);
-    let range = picture.view.factor.range(from, to);
-    let right = match (law, &overview.error) {
-        (Some(LawKind::Mtj), Some(error)) => {
-            let axes = (error.header.axes as usize).min(error.factor.len());
-            let now: Vec<_> = error.factor[..axes].iter().map(|k| format!("{k:.3}")).collect();
+    let range = picture.view.gauge.range(from, to);
+    let numbers = now.and_then(|signal| overview.error.as_ref()?.signal(signal.key));
+    let right = match (law, numbers) {
+        (_, Some(numbers)) => {
+            let numbers: Vec<_> = numbers.iter().map(|number| format!("{number:.3}")).collect();
             let lowest = range.map_or(String::new(), |range| format!("  lowest {:.3}", range.min));
-            Line::from(vec![picture.ink(now.join(" "), Ink::Well), picture.ink(lowest, Ink::Faint)])
+            Line::from(vec![
+                picture.ink(numbers.join(" "), Ink::Well),
+                picture.ink(lowest, Ink::Faint),
+            ])
         }
-        (Some(law), _) if law != LawKind::Mtj => {
-            Line::from(picture.ink(format!("{} has none", law.name()), Ink::Faint))
+        (Some(law), None) if now.is_none() => {
+            Line::from(picture.ink(format!("{} has none", law.name), Ink::Faint))
         }
         _ => Line::default(),
     };
-    let area = picture.rule("Regulating factor k", right, area, buf);
+    let title =
+        shown.map_or("Signal".to_owned(), |signal| format!("{} {}", signal.title, signal.symbol));
+    let area = picture.rule(&title, right, area, buf);
+    let [low, high] = shown.and_then(|signal| signal.range).unwrap_or([0.0, 1.0]);
+    let (low, high) = range.map_or((low, high), |range| (low.min(range.min), high.max(range.max)));
     // Room at both ends, so that a line along one of them is seen.
-    let top = range.map_or(1.0, |range| range.max.max(1.0));
+    let margin = 0.04 * (high - low);
     let plot = Plot {
-        lines: lines(picture, &picture.view.factor, area),
+        lines: lines(picture, &picture.view.gauge, area),
         ink: Ink::Well,
-        y: [-0.04 * top, 1.04 * top],
-        labels: vec!["0".to_owned(), super::figure(top)],
+        y: [low - margin, high + margin],
+        labels: [low, high].map(super::figure).to_vec(),
     };
     plot.paint(picture, area, buf);
 }

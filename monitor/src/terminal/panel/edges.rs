@@ -2,7 +2,10 @@
 
 use std::time::Duration;
 
-use mtj_model::scenario::{Horizon, LawKind, MemoryPolicy, Scenario};
+use mtj_model::{
+    law::Description,
+    scenario::{MEMORY, PREDICTION, Scenario},
+};
 use ratatui::{
     buffer::Buffer,
     layout::{Alignment, Rect},
@@ -48,14 +51,13 @@ pub fn facts(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let mut facts = Vec::new();
     let overview = &picture.view.overview;
     if let Some(scenario) = picture.view.scenario() {
-        let law = overview.law().unwrap_or(scenario.law.kind);
-        facts.push(("law", law.name().to_owned()));
+        let law = overview.law();
+        facts.push(("law", law.map_or("unknown", |law| law.name).to_owned()));
         facts.push(("T_s", format!("{:?}", scenario.timing.sample_period)));
-        if law == LawKind::Mtj {
-            facts.push(("memory", policy(scenario).to_owned()));
-        }
+        let (memory, prediction) = memory_and_prediction(scenario, law);
+        facts.extend(memory.map(|policy| ("memory", policy)));
         facts.extend(latency(picture, scenario));
-        facts.extend(prediction(scenario));
+        facts.extend(prediction.map(|horizon| ("prediction", horizon)));
         if scenario.noise > 0.0 {
             facts.push(("noise", scenario.noise.to_string()));
         }
@@ -85,20 +87,16 @@ fn latency(picture: &Picture, scenario: &Scenario) -> Option<(&'static str, Stri
     (measured > 0).then_some(("latency", words))
 }
 
-fn policy(scenario: &Scenario) -> &'static str {
-    match scenario.law.memory.policy {
-        MemoryPolicy::Sent => "sent",
-        MemoryPolicy::Applied => "applied",
-        MemoryPolicy::Delivered => "delivered",
-    }
-}
-
-fn prediction(scenario: &Scenario) -> Option<(&'static str, String)> {
-    let horizon = match scenario.law.prediction? {
-        Horizon::Measured => "measured".to_owned(),
-        Horizon::Fixed(horizon) => format!("{horizon:?}"),
-    };
-    Some(("prediction", horizon))
+/// The policy of the memory and the horizon of the prediction, where the law has them.
+fn memory_and_prediction(
+    scenario: &Scenario,
+    law: Option<&Description>,
+) -> (Option<String>, Option<String>) {
+    let settings = scenario.settings();
+    let word = |parameter| settings.get(parameter)?.as_str().map(str::to_owned);
+    let has_memory = law.is_some_and(|law| law.has_memory);
+    let policy = MEMORY.first().filter(|_| has_memory).and_then(word);
+    (policy, PREDICTION.first().and_then(word).filter(|horizon| horizon != "none"))
 }
 
 /// What should not go unnoticed.

@@ -1,6 +1,9 @@
-//! What the loop makes the arm do: torques, task force and memory.
+//! What the loop makes the arm do: torques, and the law's echo and signals.
 
-use mtj_model::{MAX_AXES, MAX_JOINTS};
+use mtj_model::{
+    MAX_JOINTS,
+    law::{Description, Per, Signal},
+};
 use ratatui::{
     buffer::Buffer,
     layout::Rect,
@@ -9,7 +12,10 @@ use ratatui::{
 };
 
 use super::{Picture, figure, stack};
-use crate::terminal::{palette::Ink, track::Range};
+use crate::{
+    overview::Overview,
+    terminal::{palette::Ink, track::Range},
+};
 
 /// A bar for each joint: the torque in effect, and what was commanded in the time of the charts.
 pub fn torques(picture: &Picture, area: Rect, buf: &mut Buffer) {
@@ -79,36 +85,62 @@ fn figure_of_scale(value: f64) -> String {
     }
 }
 
-const AXES: [&str; MAX_AXES] = ["x", "y", "z", "4", "5", "6"];
+/// How many quantities of the law have room beside the tracking error.
+const QUANTITIES: usize = 3;
 
-/// Error, factor, force and memory on each task axis.
+/// The tracking error, the law's echo and its signals on each task axis.
 pub fn task(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let area = picture.rule("Task", Line::default(), area, buf);
-    let heading = format!("{:<2}{:>6}{:>6}{:>6}{:>6}", "", "e mm", "k", "Q N", "h N");
-    let heading = Line::from(picture.ink(heading, Ink::Faint));
-    stack([heading].into_iter().chain(rows(picture)), area, buf);
+    axes(picture, area, buf);
 }
 
 /// The same without a title.
 pub fn axes(picture: &Picture, area: Rect, buf: &mut Buffer) {
-    let heading = format!("{:<2}{:>6}{:>6}{:>6}{:>6}", "", "e mm", "k", "Q N", "h N");
-    let heading = picture.ink(heading, Ink::Faint);
-    stack([Line::from(heading)].into_iter().chain(rows(picture)), area, buf);
+    let Some(scene) = &picture.view.scene else { return };
+    let overview = &picture.view.overview;
+    let quantities: Vec<_> = overview.law().map(quantities).into_iter().flatten().collect();
+    let mut heading = "  ".to_owned() + &right(&format!("e m{}", scene.task().axes[0].unit));
+    heading.extend(quantities.iter().map(|signal| right(&head(signal))));
+    let heading = Line::from(picture.ink(heading, Ink::Faint));
+    let rows = overview.error.iter().flat_map(|error| {
+        scene.task().axes.iter().zip(error.error).enumerate().map(|(i, (axis, error))| {
+            let error = right(&figure(error * 1e3));
+            let mut line = Line::from(vec![
+                picture.ink(format!("{:<2}", axis.name), Ink::Faint),
+                picture.ink(error, Ink::Tip),
+            ]);
+            for signal in &quantities {
+                let ink = if signal.range.is_some() { Ink::Well } else { Ink::Force };
+                line.push_span(picture.ink(right(&value(overview, signal, i)), ink));
+            }
+            line
+        })
+    });
+    stack(std::iter::once(heading).chain(rows), area, buf);
 }
 
-fn rows<'a>(picture: &Picture) -> Vec<Line<'a>> {
-    let overview = &picture.view.overview;
-    let Some(error) = &overview.error else { return Vec::new() };
-    let force = overview.torque.map(|torque| torque.force).unwrap_or_default();
-    (0..MAX_AXES.min(error.header.axes as usize))
-        .map(|axis| {
-            Line::from(vec![
-                picture.ink(format!("{:<2}", AXES[axis]), Ink::Faint),
-                picture.ink(format!("{:>6}", figure(error.error[axis] * 1e3)), Ink::Tip),
-                picture.ink(format!("{:>6.3}", error.factor[axis]), Ink::Well),
-                picture.ink(format!("{:>6}", figure(force[axis])), Ink::Force),
-                picture.ink(format!("{:>6}", figure(error.memory[axis])), Ink::Force),
-            ])
-        })
-        .collect()
+/// What a law has a number of for each axis, those first that have a range.
+fn quantities(law: &'static Description) -> impl Iterator<Item = &'static Signal> {
+    let (gauges, others): (Vec<_>, Vec<_>) =
+        law.signals.iter().partition(|signal| signal.range.is_some());
+    let all = gauges.into_iter().chain([&law.echo]).chain(others);
+    all.filter(|signal| signal.per == Per::Axis).take(QUANTITIES)
+}
+
+fn head(signal: &Signal) -> String {
+    format!("{} {}", signal.symbol, signal.unit).trim_end().to_owned()
+}
+
+/// The number of a law's quantity on an axis: of a signal, else of the echo.
+fn value(overview: &Overview, signal: &Signal, axis: usize) -> String {
+    let of_signal = overview.error.as_ref().and_then(|error| error.signal(signal.key));
+    let of_echo = overview.torque.as_ref().map(|torque| &torque.echo[..]);
+    let number = of_signal.or(of_echo).and_then(|numbers| numbers.get(axis)).copied();
+    let write = if signal.range.is_some() { |number| format!("{number:.3}") } else { figure };
+    number.map_or_else(|| "–".to_owned(), write)
+}
+
+/// At the right end of a column.
+fn right(words: &str) -> String {
+    " ".repeat(6_usize.saturating_sub(Span::raw(words).width())) + words
 }

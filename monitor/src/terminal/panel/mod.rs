@@ -3,8 +3,8 @@
 //! ```text
 //! edges     title, facts, banner, keys
 //! arm       the arm at scale, its desired path and the trail of its tip
-//! chart     tracking error and regulating factor over time
-//! effort    torques with their limits; force and memory in the task
+//! chart     tracking error and the law's gauge over time
+//! effort    torques with their limits; the law's echo and signals in the task
 //! timing    round trip, residence and jitter
 //! session   commands, roles, changes
 //! ```
@@ -97,11 +97,11 @@ impl Picture<'_> {
         let [left, right] = Layout::horizontal([Constraint::Length(arm), Constraint::Fill(1)])
             .spacing(1)
             .areas(drawings);
-        let [error, factor] =
+        let [error, signal] =
             Layout::vertical([Constraint::Fill(3), Constraint::Fill(2)]).areas(right);
         arm::paint(self, left, buf);
         chart::error(self, error, buf);
-        chart::factor(self, factor, buf);
+        chart::signal(self, signal, buf);
 
         let columns: [Rect; 3] =
             Layout::horizontal([Constraint::Fill(1); 3]).spacing(1).areas(numbers);

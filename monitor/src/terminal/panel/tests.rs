@@ -36,7 +36,7 @@ fn two_seconds(set: &[&str]) -> View {
     for sequence in 0..=200 {
         let header = header(sequence);
         let depth = if sequence == 100 { 0.4 } else { 0.04 };
-        let desired = scenario.trajectory.at(header.time_ns as f64 * 1e-9).position;
+        let desired = scenario.trajectory.at::<2>(header.time_ns as f64 * 1e-9).point;
         view.hear(&Message::State(StateSample {
             header,
             sent_ns: 1 + header.time_ns,
@@ -49,15 +49,15 @@ fn two_seconds(set: &[&str]) -> View {
         view.hear(&Message::Torque(TorqueSample {
             header,
             torque: padded(&[-3.25, 8.0]),
-            force: padded(&[12.5, -4.5]),
+            echo_count: 2,
+            echo: padded(&[12.5, -4.5]),
             ..Default::default()
         }));
         view.hear(&Message::Error(ErrorSample {
             header,
-            law: 1,
+            law: text("mtj"),
             error: padded(&[0.0015, 0.04]),
-            factor: padded(&[0.875, 0.875]),
-            memory: padded(&[11.25, -4.25]),
+            signals: padded(&[0.875, 0.875, 11.25, -4.25]),
             ..Default::default()
         }));
     }
@@ -206,7 +206,7 @@ fn the_point_of_the_arm_is_where_the_tip_is() {
     // Tip and desired point are closer than a cell, so one sign stands for both.
     let (base, tip) = (find("■"), find("◉"));
     let drawn = (tip.0 - base.0, base.1 - tip.1);
-    let real = scenario(&[]).trajectory.at(2.0).position;
+    let real = scenario(&[]).trajectory.at::<2>(2.0).point;
     // In the same direction from the base, as far as cells allow.
     let off = (drawn.1.atan2(drawn.0) - real.y.atan2(real.x)).abs();
     assert!(off < 0.12, "{off} rad:\n{}", words(&buffer));

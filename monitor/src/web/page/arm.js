@@ -10,18 +10,6 @@ const FADES = 12;
 /** Free space around the drawing, as a part of it. */
 const MARGIN = 0.1;
 
-/** Where base, joints and tip of a planar arm are; angles are relative to the link before. */
-export function joints(links, q) {
-  const points = [[0, 0]];
-  let angle = 0;
-  links.forEach((length, i) => {
-    angle += q[i] ?? 0;
-    const [x, y] = points.at(-1);
-    points.push([x + length * Math.cos(angle), y + length * Math.sin(angle)]);
-  });
-  return points;
-}
-
 /** Steps of 1, 2, 5 for scale bars: the largest that is no longer than `length`. */
 function barLength(length) {
   const power = 10 ** Math.floor(Math.log10(length));
@@ -63,10 +51,9 @@ export class Arm {
     const scenario = store.scenario;
     if (!scenario || !surface.visible || surface.width < 2) return;
     const pose = store.poseAt(view.instant);
-    const measured = pose?.q && joints(scenario.links, pose.q);
+    const measured = pose?.arm;
     // An elbow may lie outside the path; one that runs wild must not make all else a dot.
-    const reach = scenario.links.reduce((sum, length) => sum + length, 0);
-    measured?.filter(([x, y]) => Math.hypot(x, y) <= reach * 1.01).forEach((point) => this.#include(point));
+    measured?.filter((point) => Math.hypot(...point) <= scenario.reach * 1.01).forEach((point) => this.#include(point));
 
     const box = this.#box;
     const span = Math.max(box.right - box.left, box.top - box.bottom) * (1 + 2 * MARGIN);
@@ -82,9 +69,9 @@ export class Arm {
     context.lineWidth = 1.5;
     line(context, scenario.path.map(at));
     this.#drawTrail(context, at);
-    if (pose?.true_q) this.#drawLinks(context, joints(scenario.links, pose.true_q).map(at), "arm-true", 5);
+    if (pose?.true_arm) this.#drawLinks(context, pose.true_arm.map(at), "arm-true", 5);
     if (measured) this.#drawLinks(context, measured.map(at), "arm", 2);
-    this.#drawTips(context, at, pose, scenario);
+    this.#drawTips(context, at, pose);
     this.#drawLens();
   }
 
@@ -149,7 +136,7 @@ export class Arm {
     for (const [x, y] of points.slice(0, -1)) disc(context, x, y, width);
   }
 
-  #drawTips(context, at, pose, scenario) {
+  #drawTips(context, at, pose) {
     const { palette } = this.#session;
     if (pose?.desired) {
       const [x, y] = at(pose.desired);
@@ -159,9 +146,9 @@ export class Arm {
       context.arc(x, y, 7, 0, 2 * Math.PI);
       context.stroke();
     }
-    if (pose?.true_q) cross(context, at(joints(scenario.links, pose.true_q).at(-1)), palette.colour("true"), 6);
-    if (pose?.q) {
-      const [x, y] = at(joints(scenario.links, pose.q).at(-1));
+    if (pose?.true_arm) cross(context, at(pose.true_arm.at(-1)), palette.colour("true"), 6);
+    if (pose?.arm) {
+      const [x, y] = at(pose.arm.at(-1));
       context.fillStyle = palette.colour("measured");
       disc(context, x, y, 3.5);
     }

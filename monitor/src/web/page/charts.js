@@ -1,27 +1,23 @@
 // Which charts there are, and what each of them shows.
 
-const AXES = ["x", "y", "z", "φ", "θ", "ψ"];
 const SUBSCRIPTS = "₁₂₃₄₅₆₇";
-
-function perAxis(name, symbol, count) {
-  return Array.from({ length: count }, (_, i) => ({
-    name: `${name}.${i}`,
-    label: `${symbol} ${AXES[i]}`,
-    colour: `series-${i + 1}`,
-    factor: 1,
-  }));
-}
 
 function one(name, label, colour, factor = 1) {
   return { name, label, colour, factor };
 }
 
+/** The series of a quantity that has a number for each axis, for each joint, or one for the arm. */
+function list({ key, symbol, per }, { axes, joints }) {
+  const of = { axis: axes.map(({ name }) => ` ${name}`), joint: [...SUBSCRIPTS.slice(0, joints)], arm: [""] };
+  return of[per].map((index, i) => one(`${key}.${i}`, symbol + index, `series-${i + 1}`));
+}
+
 /**
- * Each with the series it draws from a scenario. Values times `factor` are in `unit`; `span` is a range
- * that never changes; `weight` is the chart's share of the height; `rms` a series whose mean size in view
+ * Each with the series it draws from a scenario. Values times `factor` are in `unit`, or in the series' own;
+ * `span` is a range that never changes; `weight` is the chart's share of the height; `rms` a series whose mean size in view
  * is worth knowing.
  */
-export const CHARTS = [
+const MOTION = [
   {
     id: "norm",
     title: "Tracking error, norm ‖e‖",
@@ -34,29 +30,16 @@ export const CHARTS = [
   {
     id: "error",
     title: "Tracking error e",
-    unit: "m",
-    series: ({ axes }) => perAxis("error", "e", axes),
-  },
-  {
-    id: "factor",
-    title: "Regulating factor k",
-    unit: "",
-    span: [0, 1],
-    applies: ({ knobs }) => knobs["law.kind"] === "mtj",
-    // Two of the three forms of k are the same on all axes: a line beneath must show beside the one above.
-    series: ({ axes }) => perAxis("factor", "k", axes).map((series, i) => ({ ...series, width: 1.5 + 1.5 * (axes - 1 - i) })),
+    // Metres and radians have one scale without a unit; the legend tells them apart.
+    unit: ({ axes }) => (axes.every(({ unit }) => unit === axes[0].unit) ? axes[0].unit : ""),
+    series: (scenario) =>
+      list({ key: "error", symbol: "e", per: "axis" }, scenario).map((series, i) => ({ ...series, unit: scenario.axes[i].unit })),
   },
   {
     id: "torque",
     title: "Joint torque τ",
     unit: "N m",
-    series: ({ joints }) =>
-      Array.from({ length: joints }, (_, i) => ({
-        name: `torque.${i}`,
-        label: `τ${SUBSCRIPTS[i]}`,
-        colour: `series-${i + 1}`,
-        factor: 1,
-      })),
+    series: (scenario) => list({ key: "torque", symbol: "τ", per: "joint" }, scenario),
     limits: ({ torque_limit }) =>
       (torque_limit ?? []).flatMap((limit, i) =>
         limit === null ? [] : [-limit, limit].map((value) => ({ value, colour: `series-${i + 1}` })),
@@ -64,19 +47,9 @@ export const CHARTS = [
     note: ({ torque_limit }) =>
       torque_limit ? `limits ${torque_limit.map((limit) => (limit === null ? "none" : `±${limit}`)).join(", ")} N m` : "no limits",
   },
-  {
-    id: "force",
-    title: "Task force Q̂",
-    unit: "N",
-    series: ({ axes }) => perAxis("force", "Q̂", axes),
-  },
-  {
-    id: "memory",
-    title: "Memory h",
-    unit: "N",
-    applies: ({ knobs }) => knobs["law.kind"] === "mtj",
-    series: ({ axes }) => perAxis("memory", "h", axes),
-  },
+];
+
+const TIMING = [
   {
     id: "trip",
     title: "Round trip and residence",
@@ -97,3 +70,25 @@ export const CHARTS = [
     series: () => [one("period_deviation", "deviation from Tₛ", "series-4", 1e-6)],
   },
 ];
+
+/** A chart of what some laws show; only while one of them is in effect. */
+function chart(signal, laws) {
+  const shows = (law) => law.signals.some(({ key }) => key === signal.key);
+  const names = laws.filter(shows).map(({ name }) => name);
+  return {
+    id: signal.key,
+    title: `${signal.title} ${signal.symbol}`,
+    unit: signal.unit,
+    span: signal.range,
+    applies: ({ knobs }) => names.includes(knobs["law.kind"]),
+    // What has a range is often the same on all axes: a line beneath must show beside the one above.
+    series: (scenario) =>
+      list(signal, scenario).map((series, i, all) => (signal.range ? { ...series, width: 1.5 * (all.length - i) } : series)),
+  };
+}
+
+/** All charts, those of the laws' signals among them. */
+export function charts(laws) {
+  const signals = new Map(laws.flatMap(({ signals }) => signals).map((signal) => [signal.key, signal]));
+  return [...MOTION, ...[...signals.values()].map((signal) => chart(signal, laws)), ...TIMING];
+}

@@ -17,7 +17,7 @@ function fileName(session, ending) {
 
 /** The bins in view: time, smallest and largest sample of every series drawn, and the marks. */
 export function csv({ store, view }, strips) {
-  const series = strips.flatMap((strip) => strip.series.map((s) => ({ ...s, unit: strip.unit })));
+  const series = strips.flatMap((strip) => strip.series.map((s) => ({ unit: strip.unit, ...s })));
   const heads = series.flatMap(({ name, unit }) => {
     const column = unit === "" ? name : `${name} [${unit}]`;
     return [`${column} min`, `${column} max`];

@@ -30,10 +30,18 @@ function list(text) {
   return parts.length > 1 ? `[${parts.join(", ")}]` : (parts[0] ?? "");
 }
 
+/** One number, a list, or rows, in short. */
+function matrix(value) {
+  const numbers = [value ?? []].flat();
+  if (numbers.some(Array.isArray)) return JSON.stringify(value);
+  return new Set(numbers).size === 1 ? String(numbers[0]) : numbers.join(", ");
+}
+
 /** How each kind of control shows a value of the scenario and writes what was typed for `--set`. */
 const FORMS = {
-  choice: { show: (value) => value ?? "none", write: (text) => text },
-  list: { show: (value) => [...new Set([value ?? []].flat())].length === 1 ? String([value].flat()[0]) : [value ?? []].flat().join(", "), write: list },
+  choice: { show: (value) => String(value ?? "none"), write: (text) => text },
+  list: { show: matrix, write: list },
+  matrix: { show: matrix, write: (text) => (/\[\s*\[/.test(text) ? text : list(text)) },
   number: { show: (value) => (value == null ? "" : String(value)), write: (text) => text.trim().replace(",", ".") },
   duration: {
     show: (value) => (value ?? "").replace(/(\d)([a-zµ])/, "$1 $2"),
@@ -42,6 +50,69 @@ const FORMS = {
   },
   latency: { show: (value) => String(milliseconds(value) ?? 0), write: (text) => `${text.trim().replace(",", ".")}ms` },
 };
+
+/** An element with a class and children. */
+function create(tag, name, ...children) {
+  const element = document.createElement(tag);
+  if (name) element.className = name;
+  element.append(...children);
+  return element;
+}
+
+/** Words in which `_x` is a subscript. */
+function subscripted(words) {
+  const [, before, low, after] = /^(.*?)_(\S+)(.*)$/.exec(words) ?? [];
+  return low === undefined ? [words] : [before, create("sub", "", low), after];
+}
+
+/** Words that are said otherwise on a button. */
+const WORDS = { none: "off", false: "off", true: "on" };
+
+function radio(name, word, title = "") {
+  const input = create("input");
+  Object.assign(input, { type: "radio", name, value: word });
+  const label = create("label", "", input, create("span", "", WORDS[word] ?? word));
+  label.title = title;
+  return label;
+}
+
+function field(id, unit) {
+  const input = create("input");
+  Object.assign(input, { id, autocomplete: "off" });
+  return create("span", "number", input, ...(unit ? [create("i", "", unit)] : []));
+}
+
+/** The control of a parameter as the monitor describes it. */
+function control({ key, label, form, words, unit, help }, choices = words.map((word) => radio(key, word))) {
+  const id = key.replaceAll(".", "-");
+  const isChoice = choices.length > 0;
+  const name = create(isChoice ? "span" : "label", isChoice ? "label" : "", ...subscripted(label));
+  const element = create("div", "knob", name);
+  if (isChoice) {
+    element.setAttribute("role", "radiogroup");
+    element.setAttribute("aria-label", label);
+    element.append(create("span", "choice", ...choices));
+  } else {
+    name.htmlFor = id;
+  }
+  if (form !== "choice") element.append(field(id, unit));
+  element.classList.toggle("either", isChoice && form !== "choice");
+  Object.assign(element.dataset, { key, form });
+  element.title = help;
+  return element;
+}
+
+/** The controls of parameters; of neighbours that are typed alike two stand side by side. */
+function controls(parameters) {
+  const elements = [];
+  for (let i = 0; i < parameters.length; i += 1) {
+    const [one, other] = parameters.slice(i, i + 2);
+    const pairs = other && one.form === other.form && one.words.length + other.words.length === 0;
+    elements.push(pairs ? create("div", "pair stacked", control(one), control(other)) : control(one));
+    if (pairs) i += 1;
+  }
+  return elements;
+}
 
 /** One key of the scenario and its control. */
 class Knob {
@@ -146,10 +217,10 @@ class Knob {
     this.#edited = false;
     this.#element.classList.remove("pending");
     const text = this.#form.show(this.#value);
-    for (const input of this.#inputs) {
-      if (input.type === "radio") input.checked = input.value === text;
-      else input.value = text;
-    }
+    const radios = this.#inputs.filter(({ type }) => type === "radio");
+    for (const input of radios) input.checked = input.value === text;
+    const isChosen = radios.some(({ checked }) => checked);
+    for (const input of this.#inputs) if (input.type !== "radio") input.value = isChosen ? "" : text;
     if (!this.#slider) return;
     const ms = Number(text);
     const distance = (i) => Math.abs(LATENCIES[i] - ms);
@@ -178,7 +249,11 @@ export class Knobs {
   #controls;
   #lock;
   #status;
+  /** Those that are always there, the choice of the law among them, and those of the law in effect. */
   #knobs;
+  #lawKnobs = [];
+  #laws = [];
+  #law = null;
   #token = token();
   #readOnly = false;
   #paused = null;
@@ -188,7 +263,7 @@ export class Knobs {
     this.#controls = panel.querySelector("fieldset.all");
     this.#lock = panel.querySelector("#knobs-locked");
     this.#status = panel.querySelector("#knobs-status");
-    this.#knobs = [...panel.querySelectorAll("[data-key]")].map((element) => new Knob(element, (knob) => this.post(knob)));
+    this.#knobs = this.#attach(panel);
     panel.addEventListener("submit", (event) => event.preventDefault());
     for (const button of panel.querySelectorAll("button[data-set]")) {
       button.addEventListener("click", () => this.#press(button, { set: button.dataset.set.split(" ") }));
@@ -197,6 +272,40 @@ export class Knobs {
       button.addEventListener("click", () => this.#press(button, this.#deed(button.dataset.do)));
     }
     this.#showLock();
+  }
+
+  /** Makes knobs of the controls in a part of the panel. */
+  #attach(part) {
+    return [...part.querySelectorAll("[data-key]")].map((element) => new Knob(element, (knob) => this.post(knob)));
+  }
+
+  /** Makes the choice of the law. */
+  #offer(laws) {
+    const choices = laws.map(({ name, title, equation }) => radio("law.kind", name, `${title}: ${equation}`));
+    const part = create("div", "", control({ key: "law.kind", label: "law", form: "choice", help: "" }, choices));
+    const place = this.#panel.querySelector("#law-knobs");
+    place.querySelector("[data-key='law.kind']")?.remove();
+    this.#knobs = [...this.#knobs.filter(({ key }) => key !== "law.kind"), ...this.#attach(part)];
+    place.append(...part.children);
+    this.#laws = laws;
+    this.#law = null;
+  }
+
+  /** Makes the knobs of a law: its own, and a group for each table of the scenario below them. */
+  #take(law) {
+    this.#law = law;
+    for (const element of this.#panel.querySelectorAll(".of-law")) element.remove();
+    const groups = Map.groupBy(law?.parameters ?? [], ({ key }) => key.split(".").slice(1, -1).join(" "));
+    const own = create("div", "of-law", ...controls(groups.get("") ?? []));
+    groups.delete("");
+    const others = [...groups].map(([table, parameters]) => {
+      const { title, symbol } = law.signals.find(({ key }) => key === table) ?? {};
+      const legend = title ? `${title} ${symbol}` : table[0].toUpperCase() + table.slice(1);
+      return create("fieldset", "of-law", create("legend", "", legend), ...controls(parameters));
+    });
+    this.#lawKnobs = [own, ...others].flatMap((part) => this.#attach(part));
+    this.#panel.querySelector("#law-knobs").append(own);
+    this.#panel.querySelector("#plant-knobs").before(...others);
   }
 
   #deed(name) {
@@ -220,17 +329,17 @@ export class Knobs {
   greet(hello) {
     this.#readOnly = hello.read_only;
     this.#showLock();
+    if (JSON.stringify(hello.laws) !== JSON.stringify(this.#laws)) this.#offer(hello.laws);
   }
 
   /** Takes the values in effect. */
   adopt(scenario) {
-    for (const knob of this.#knobs) knob.adopt(scenario.knobs[knob.key]);
+    const law = this.#laws.find(({ name }) => name === scenario.knobs["law.kind"]);
+    if (law !== this.#law) this.#take(law);
+    for (const knob of [...this.#knobs, ...this.#lawKnobs]) knob.adopt(scenario.knobs[knob.key]);
     const joint = this.#panel.querySelector("#kick-joint");
     if (joint.options.length !== scenario.joints) {
       joint.replaceChildren(...Array.from({ length: scenario.joints }, (_, i) => new Option(`joint ${i + 1}`)));
-    }
-    for (const element of this.#panel.querySelectorAll("[data-only]")) {
-      element.hidden = element.dataset.only !== scenario.knobs["law.kind"];
     }
     for (const button of this.#panel.querySelectorAll("button[data-set]")) {
       const holds = button.dataset.set.split(" ").every((set) => isInEffect(set, scenario.knobs));

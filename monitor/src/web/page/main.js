@@ -6,7 +6,7 @@
 
 import { Alarm } from "./alarm.js";
 import { Arm } from "./arm.js";
-import { CHARTS } from "./charts.js";
+import { charts } from "./charts.js";
 import { downloadCsv, downloadPng } from "./export.js";
 import { attachGestures } from "./gestures.js";
 import { Histogram, showSpreads } from "./histogram.js";
@@ -45,8 +45,7 @@ const session = {
   },
 };
 
-const strips = CHARTS.map((definition) => new Strip(definition, session));
-$("strips").append(...strips.map((strip) => strip.element));
+let strips = [];
 const lane = new Lane($("lane"), session);
 const ruler = new Ruler($("ruler"), session);
 const arm = new Arm($("arm"), $("lens"), session);
@@ -108,6 +107,7 @@ const hear = {
   hello(hello) {
     roles.greet(hello);
     knobs.greet(hello);
+    layOut(hello.laws);
   },
   scenario(scenario) {
     const before = store.scenario;
@@ -118,7 +118,7 @@ const hear = {
       for (const strip of strips) strip.adopt(scenario);
     }
     if (another || JSON.stringify(before.path) !== JSON.stringify(scenario.path)) arm.adopt(scenario);
-    for (const strip of strips) strip.element.hidden = !strip.applies(scenario);
+    hideCharts(scenario);
     $("scenario").textContent = scenario.name;
     $("clock").textContent = `${scenario.clock}, Tₛ = ${scenario.knobs["timing.sample_period"]}`;
     knobs.adopt(scenario);
@@ -129,7 +129,7 @@ const hear = {
     redraw();
   },
   now(now) {
-    if (now.q) store.pose({ time: now.time, q: now.q, true_q: now.true_q, desired: now.desired });
+    if (now.arm) store.pose({ time: now.time, arm: now.arm, true_arm: now.true_arm, desired: now.desired });
     newest = now;
     alarm.show(now.alarm);
     histogram.hear(now);
@@ -144,6 +144,24 @@ const hear = {
     redraw();
   },
 };
+
+let laws = "";
+
+/** Makes the charts for what the laws show, unless they are the same as before a reconnection. */
+function layOut(described) {
+  if (JSON.stringify(described) === laws) return;
+  laws = JSON.stringify(described);
+  strips = charts(described).map((definition) => new Strip(definition, session));
+  $("strips").replaceChildren(...strips.map((strip) => strip.element));
+  if (!store.scenario) return;
+  for (const strip of strips) strip.adopt(store.scenario);
+  hideCharts(store.scenario);
+}
+
+/** Charts of what the law in effect does not have take no room. */
+function hideCharts(scenario) {
+  for (const strip of strips) strip.element.hidden = !strip.applies(scenario);
+}
 
 function write(id, text) {
   if ($(id).textContent !== text) $(id).textContent = text;

@@ -14,7 +14,7 @@ export class Store {
   run = null;
   scenario = null;
   marks = [];
-  /** Poses of the arm: {time, q, trueQ, desired}, oldest first. */
+  /** Poses of the arm: {time, arm, true_arm, desired}, oldest first. */
   poses = [];
   times = new Float64Array(ROOM);
   length = 0;

@@ -51,6 +51,7 @@ export class Strip {
   #axis = null;
   #mean = null;
   #series = [];
+  #unit = "";
   #shown = "";
   #low = new Float32Array(0);
   #high = new Float32Array(0);
@@ -88,11 +89,13 @@ export class Strip {
   }
 
   get unit() {
-    return this.#definition.unit;
+    return this.#unit;
   }
 
   /** Makes the legend for a scenario: how many joints and axes there are, and what limits. */
   adopt(scenario) {
+    const { unit } = this.#definition;
+    this.#unit = typeof unit === "function" ? unit(scenario) : unit;
     this.#series = this.#definition.series(scenario);
     this.#axis = null;
     this.#shown = "";
@@ -124,11 +127,11 @@ export class Strip {
     for (const series of this.#series) {
       const bin = store.nearest(series.name, view.instant, reach);
       const value = bin && (Math.abs(bin.max) >= Math.abs(bin.min) ? bin.max : bin.min) * series.factor;
-      write(series.output, quantity(value, this.#definition.unit));
+      write(series.output, quantity(value, series.unit ?? this.#unit));
     }
     if (!this.#mean) return;
     const rms = store.rms(this.#definition.rms, view.end - view.range, view.end);
-    write(this.#mean, quantity(rms, this.#definition.unit));
+    write(this.#mean, quantity(rms, this.#unit));
   }
 
   /** Draws, if there is anything new to see. */
@@ -197,13 +200,13 @@ export class Strip {
     }
     if (definition.logarithmic) {
       const some = high > 0 && low <= high;
-      this.#axis = some ? logarithmicAxis(low, high, definition.unit) : (this.#axis ?? logarithmicAxis(1e-4, 1e-2, definition.unit));
+      this.#axis = some ? logarithmicAxis(low, high, this.#unit) : (this.#axis ?? logarithmicAxis(1e-4, 1e-2, this.#unit));
     } else if (definition.span) {
-      this.#axis = linearAxis(...definition.span, Math.min(most, 4), definition.unit, null);
+      this.#axis = linearAxis(...definition.span, Math.min(most, 4), this.#unit, null);
     } else if (low <= high) {
-      this.#axis = linearAxis(Math.min(low, 0), Math.max(high, 0), most, definition.unit, this.#axis);
+      this.#axis = linearAxis(Math.min(low, 0), Math.max(high, 0), most, this.#unit, this.#axis);
     } else {
-      this.#axis ??= linearAxis(0, 1, most, definition.unit, null);
+      this.#axis ??= linearAxis(0, 1, most, this.#unit, null);
     }
     return this.#axis;
   }

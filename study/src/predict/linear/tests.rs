@@ -1,7 +1,7 @@
 use mtj_model::{
     gains::Gains,
     law::{
-        factor::{Factor, FactorKind, Threshold},
+        factor::Factor,
         mass::Mass,
         mtj::ModifiedTransposeJacobian,
         tj::TransposeJacobian,
@@ -25,12 +25,7 @@ fn mtj(Memory { kp, kd, k }: Memory, mass: Option<f64>) -> Law<f64, 1> {
     let gain = |gain| Gains::Diagonal(SVector::repeat(gain));
     Law::Mtj(ModifiedTransposeJacobian {
         tj: TransposeJacobian { kp: gain(kp), kd: gain(kd) },
-        factor: Factor {
-            kind: FactorKind::Switch,
-            error: Threshold::Same(f64::INFINITY),
-            error_rate: Threshold::Same(f64::INFINITY),
-            ceiling: Some(k),
-        },
+        factor: Factor::constant(k),
         acceleration: mass.map(|mass| Mass::Constant(gain(mass))),
     })
 }

@@ -7,7 +7,6 @@ use mtj_model::{
     lanes::Lanes,
     lift::Lift,
     matrix,
-    scenario::Scenario,
     task::{Previous, Task},
 };
 use mtj_plant::{dormand_prince::DormandPrince, ledger::Ledger, simulator::RUNAWAY};
