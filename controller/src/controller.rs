@@ -174,10 +174,8 @@ impl<const N: usize, const M: usize> ArmController<N, M> {
                 (memory, Previous { time, velocity: SVector::from_fn(|i, _| velocity[i]) })
             }
         };
-        let memory = memory.map_or_else(
-            || Memory::new(&settings.memory),
-            |memory| memory.adopt(&settings.memory),
-        );
+        let memory = memory
+            .map_or_else(|| Memory::new(&settings.memory), |memory| memory.adopt(&settings.memory));
         Self {
             responder: Responder::of(scenario).lift::<f64, M>(),
             memory: description.has_memory.then_some(memory),
@@ -218,8 +216,7 @@ impl<const N: usize, const M: usize> Respond for ArmController<N, M> {
             precomputed: self.precomputed,
         };
         let at = Configuration::new(&q, &q_dot);
-        let Response { command, error, tip, .. } =
-            self.responder.respond(time, &at, &recollection);
+        let Response { command, error, tip, .. } = self.responder.respond(time, &at, &recollection);
         self.previous = Previous { time, velocity: tip.velocity };
         if is_singular(command.condition) {
             let law = self.responder.law.description().name;

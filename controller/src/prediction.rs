@@ -17,7 +17,10 @@ pub fn ahead<T: Scalar, P: Task<T, M>, const M: usize>(
     let half_square = T::constant(0.5) * horizon * horizon;
     Tip {
         time: tip.time + horizon,
-        point: tip.point.integrate(&(tip.velocity * horizon)).integrate(&(acceleration * half_square)),
+        point: tip
+            .point
+            .integrate(&(tip.velocity * horizon))
+            .integrate(&(acceleration * half_square)),
         velocity: tip.velocity + acceleration * horizon,
     }
 }

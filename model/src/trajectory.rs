@@ -198,8 +198,8 @@ mod tests {
             angular_frequency: omega,
             phase: std::f64::consts::FRAC_PI_4,
         };
-        let at =
-            Trajectory::PerturbedCircle(circle, Ripple { amplitude: 0.1, multiple: 5.0 }).at::<2>(t);
+        let at = Trajectory::PerturbedCircle(circle, Ripple { amplitude: 0.1, multiple: 5.0 })
+            .at::<2>(t);
         let angle = omega * t + std::f64::consts::FRAC_PI_4;
         let ripple = 0.1 * (5.0 * omega * t).sin();
         assert!((at.point.x - (radius * angle.cos() + ripple)).abs() < 1e-14);

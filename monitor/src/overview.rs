@@ -6,9 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use mtj_model::{
-    law::{Description, Signal},
-};
+use mtj_model::law::{Description, Signal};
 use mtj_protocol::{
     member::Role,
     port::{Message, Offered},

@@ -108,10 +108,8 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         let steps = steps.where_below(T::one(), T::one(), steps);
         let h = self.remaining / steps;
 
-        let start = Rate {
-            velocity: self.velocity,
-            acceleration: self.acceleration(&self.configuration),
-        };
+        let start =
+            Rate { velocity: self.velocity, acceleration: self.acceleration(&self.configuration) };
         let k1 = &start;
         let (k2, ..) = &self.stage(h, sum([(1.0 / 5.0, k1)]));
         let (k3, ..) = &self.stage(h, sum([(3.0 / 40.0, k1), (9.0 / 40.0, k2)]));

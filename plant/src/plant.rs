@@ -2,9 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use mtj_model::{
-    scenario::{ClockKind, Scenario},
-};
+use mtj_model::scenario::{ClockKind, Scenario};
 use mtj_protocol::{
     bus::BusError,
     port::{Answer, Exchange},

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use mtj_model::{MAX_JOINTS};
+use mtj_model::MAX_JOINTS;
 use mtj_protocol::sample::{Echo, Joints};
 
 /// What was true at one sampling instant. Nothing in it depends on wall time, unless the run does.

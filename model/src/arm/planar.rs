@@ -258,8 +258,7 @@ impl<T: Scalar, const N: usize> PlanarArm<T, N> {
             let mut sum = weight;
             for j in 0..N {
                 if j != i {
-                    sum +=
-                        self.coupling[i][j] * at.sin_between(i, j) * at.rate[j] * at.rate[j];
+                    sum += self.coupling[i][j] * at.sin_between(i, j) * at.rate[j] * at.rate[j];
                 }
             }
             terms[i] = sum;

@@ -1,8 +1,11 @@
 //! The regulating factor k: how much of the memory to trust.
 
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 
-use super::describe::{Default, Form, Parameter, Per, Signal};
+use super::{
+    Command,
+    describe::{Default, Form, Parameter, Per, Signal},
+};
 use crate::{
     MAX_AXES, lift, matrix,
     scalar::Scalar,
@@ -27,6 +30,8 @@ pub struct Factor<T, const M: usize> {
 /// The equation of the regulating factor. E and Ė are the diagonal matrices of the thresholds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FactorKind {
+    /// 1, whatever the error: with a ceiling, the ceiling.
+    Constant,
     /// Eq. (14): 1 while ‖E⁻¹ e‖ < 1 and ‖Ė⁻¹ ė‖ < 1, else 0.
     Switch,
     /// Eq. (15a): exp(−(‖E⁻¹ e‖ + ‖Ė⁻¹ ė‖)).
@@ -57,11 +62,37 @@ pub enum Regulation<T, const M: usize> {
     Each(SVector<T, M>),
 }
 
+/// A task force and what the memory had to do with it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Remembered<T, const M: usize> {
+    /// Q̂, N.
+    pub force: SVector<T, M>,
+    /// h, N.
+    pub memory: SVector<T, M>,
+    /// k.
+    pub factor: Regulation<T, M>,
+}
+
+impl<T: Scalar, const M: usize> Remembered<T, M> {
+    /// τ = Jᵀ Q̂, with k and h as signals.
+    #[inline(always)]
+    pub fn command<const N: usize>(&self, jacobian: &SMatrix<T, M, N>) -> Command<T, N> {
+        let mut command = Command::of_task_force(jacobian, &self.force);
+        let k = self.factor.per_axis();
+        for i in 0..M {
+            command.signals[i] = k[i];
+            command.signals[M + i] = self.memory[i];
+        }
+        command
+    }
+}
+
 lift! { struct Factor<T, M> { kind, error, error_rate, ceiling } }
-lift! { enum FactorKind { Switch, Exponential, Diagonal } }
+lift! { enum FactorKind { Constant, Switch, Exponential, Diagonal } }
 lift! { enum Threshold<T, M> { Same(all), Each(each) } }
 
-const KINDS: [(&str, FactorKind); 3] = [
+const KINDS: [(&str, FactorKind); 4] = [
+    ("constant", FactorKind::Constant),
     ("switch", FactorKind::Switch),
     ("exponential", FactorKind::Exponential),
     ("diagonal", FactorKind::Diagonal),
@@ -71,10 +102,10 @@ const KINDS: [(&str, FactorKind); 3] = [
 pub(super) const KIND: Parameter = Parameter {
     key: "law.factor.kind",
     label: "k from",
-    form: Form::Choice(&["switch", "exponential", "diagonal"]),
+    form: Form::Choice(&["constant", "switch", "exponential", "diagonal"]),
     unit: "",
     default: Default::Value("\"exponential\""),
-    help: "How the regulating factor follows from the error: eq. (14), (15a) or (15b).",
+    help: "How the regulating factor follows from the error: not at all, or by eq. (14), (15a) or (15b).",
 };
 
 /// law.factor.error.
@@ -107,15 +138,18 @@ pub(super) const CEILING: Parameter = Parameter {
     help: "What k is multiplied with: its largest value.",
 };
 
-/// k, as a law shows it.
-pub(super) const SIGNAL: Signal = Signal {
-    key: "factor",
-    symbol: "k",
-    title: "Regulating factor",
-    unit: "",
-    per: Per::Axis,
-    range: Some([0.0, 1.0]),
-};
+/// k and h, as a law with a memory shows them.
+pub(super) const SIGNALS: &[Signal] = &[
+    Signal {
+        key: "factor",
+        symbol: "k",
+        title: "Regulating factor",
+        unit: "",
+        per: Per::Axis,
+        range: Some([0.0, 1.0]),
+    },
+    Signal { key: "memory", symbol: "h", title: "Memory", unit: "N", per: Per::Axis, range: None },
+];
 
 impl Factor<f64, MAX_AXES> {
     /// The paper's: eq. (15a) with e_max = 1 m and ė_max = 10 m/s.
@@ -125,6 +159,8 @@ impl Factor<f64, MAX_AXES> {
         error_rate: Threshold::Same(10.0),
         ceiling: None,
     };
+    /// k = 1.
+    pub const ALL: Self = Self { kind: FactorKind::Constant, ..Self::PAPER };
 
     /// Reads a scenario's `law.factor`; `None` if it is absent. Absent keys have the paper's values.
     pub(super) fn read(law: &Section<'_>, axes: usize) -> Result<Option<Self>, ScenarioError> {
@@ -197,13 +233,24 @@ impl<T: Scalar, const M: usize> Threshold<T, M> {
 impl<T: Scalar, const M: usize> Factor<T, M> {
     /// k whatever the error: what a loop has to be linear.
     pub fn constant(k: T) -> Self {
-        let everything = Threshold::Same(T::constant(f64::INFINITY));
-        Self {
-            kind: FactorKind::Switch,
-            error: everything,
-            error_rate: everything,
-            ceiling: Some(k),
-        }
+        let unused = Threshold::Same(T::one());
+        Self { kind: FactorKind::Constant, error: unused, error_rate: unused, ceiling: Some(k) }
+    }
+
+    /// Adds h = k · remembered to a task force; `None` at the first step, where k = 0.
+    #[inline(always)]
+    pub fn add_memory(
+        &self,
+        force: SVector<T, M>,
+        error: &TrackingError<T, M>,
+        remembered: Option<&SVector<T, M>>,
+    ) -> Remembered<T, M> {
+        let Some(remembered) = remembered else {
+            return Remembered { force, memory: SVector::zeros(), factor: Regulation::Nothing };
+        };
+        let factor = self.regulate(error);
+        let memory = factor.times(remembered);
+        Remembered { force: force + memory, memory, factor }
     }
 
     /// k for a tracking error.
@@ -211,6 +258,7 @@ impl<T: Scalar, const M: usize> Factor<T, M> {
     pub fn regulate(&self, e: &TrackingError<T, M>) -> Regulation<T, M> {
         let Self { error, error_rate, .. } = self;
         let k = match self.kind {
+            FactorKind::Constant => Regulation::Everything,
             FactorKind::Switch => {
                 let (one, zero) = (T::one(), T::zero());
                 let slow = error_rate.where_within(&e.velocity, one, zero);

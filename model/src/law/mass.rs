@@ -48,14 +48,16 @@ pub(super) const PARAMETER: Parameter = Parameter {
 impl Mass<f64, MAX_AXES> {
     /// Reads `law.mass`; `None` if it is absent.
     pub(super) fn read(law: &Section<'_>, axes: usize) -> Result<Option<Self>, ScenarioError> {
-        let expected = format!(
-            "the word \"{TASK_INERTIA}\", or {} in kg",
-            Gains::form(axes).replacen("gain", "mass", 1)
-        );
-        law.optional("mass", &expected, |value| match value.as_str() {
+        law.optional("mass", &Self::form(axes), |value| match value.as_str() {
             Some(text) => (text == TASK_INERTIA).then_some(Self::TaskInertia),
             None => Gains::of(value, axes).map(Self::Constant),
         })
+    }
+
+    /// What is accepted, in words.
+    pub(super) fn form(axes: usize) -> String {
+        let gain = Gains::form(axes).replacen("gain", "mass in kg", 1);
+        format!("{gain}; or \"{TASK_INERTIA}\"")
     }
 
     /// Refuses the task inertia of an arm that has none.

@@ -81,16 +81,6 @@ impl<T: Scalar, const N: usize> Command<T, N> {
             condition: T::zero(),
         }
     }
-
-    /// The same command, which shows two signals with a number for each axis.
-    #[inline(always)]
-    pub fn showing<const M: usize>(mut self, one: &SVector<T, M>, other: &SVector<T, M>) -> Self {
-        for i in 0..M {
-            self.signals[i] = one[i];
-            self.signals[M + i] = other[i];
-        }
-        self
-    }
 }
 
 /// A vector as the beginning of another, whose other entries are zero; or its beginning.
@@ -217,8 +207,7 @@ pub fn find(name: &str) -> Option<&'static Description> {
 /// Whether a law refuses a value that is there and that the law of this name has no use for.
 fn is_for_others(error: &ScenarioError, name: &str) -> bool {
     let reads = |key: &Parameter| error.key.starts_with(key.key);
-    error.value.is_some()
-        && !find(name).is_some_and(|chosen| chosen.parameters.iter().any(reads))
+    error.value.is_some() && !find(name).is_some_and(|chosen| chosen.parameters.iter().any(reads))
 }
 
 impl Law<f64, MAX_AXES> {

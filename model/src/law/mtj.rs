@@ -4,8 +4,8 @@ use nalgebra::SVector;
 
 use super::{
     Command, Declaration, Equation, Situation,
-    describe::{Default, Description, Form, Parameter, Per, Signal},
-    factor::{self, Factor, Regulation},
+    describe::{Default, Description, Form, Parameter},
+    factor::{self, Factor, Remembered},
     first,
     mass::{self, Mass},
     tj::{FORCE, KD, KP, TransposeJacobian},
@@ -39,16 +39,6 @@ pub struct ModifiedTransposeJacobian<T, const M: usize> {
 
 lift! { struct ModifiedTransposeJacobian<T, M> { tj, factor, acceleration } }
 
-/// h, as a law shows it.
-pub(super) const MEMORY: Signal = Signal {
-    key: "memory",
-    symbol: "h",
-    title: "Memory",
-    unit: "N",
-    per: Per::Axis,
-    range: None,
-};
-
 impl Declaration for ModifiedTransposeJacobian<f64, MAX_AXES> {
     const DESCRIPTION: Description = Description {
         name: "mtj",
@@ -73,7 +63,7 @@ impl Declaration for ModifiedTransposeJacobian<f64, MAX_AXES> {
         ],
         echo: FORCE,
         has_memory: true,
-        signals: &[factor::SIGNAL, MEMORY],
+        signals: factor::SIGNALS,
     };
 
     fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
@@ -93,17 +83,6 @@ impl Declaration for ModifiedTransposeJacobian<f64, MAX_AXES> {
     }
 }
 
-/// A task force and what the memory had to do with it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Remembered<T, const M: usize> {
-    /// Q̂, N.
-    pub force: SVector<T, M>,
-    /// h, N.
-    pub memory: SVector<T, M>,
-    /// k.
-    pub factor: Regulation<T, M>,
-}
-
 impl<T: Scalar, const M: usize> ModifiedTransposeJacobian<T, M> {
     /// Q̂ from the tracking error and the remembered task force; `None` at the first step, where
     /// k = 0. `acceleration`, if given, is the term M̄ ë of eq. (11), N.
@@ -119,12 +98,7 @@ impl<T: Scalar, const M: usize> ModifiedTransposeJacobian<T, M> {
         if let Some(acceleration) = acceleration {
             force += acceleration;
         }
-        let Some(remembered) = remembered else {
-            return Remembered { force, memory: SVector::zeros(), factor: Regulation::Nothing };
-        };
-        let factor = self.factor.regulate(error);
-        let memory = factor.times(remembered);
-        Remembered { force: force + memory, memory, factor }
+        self.factor.add_memory(force, error, remembered)
     }
 }
 
@@ -140,9 +114,8 @@ impl<T: Scalar, const M: usize> Equation<T, M> for ModifiedTransposeJacobian<T, 
         let memory = now.memory.map(first);
         let answer =
             self.task_force(now.error, memory.as_ref(), term.as_ref().map(|(force, _)| force));
-        let command = Command::of_task_force(now.jacobian, &answer.force)
-            .showing(&answer.factor.per_axis(), &answer.memory);
-        Command { condition: term.map_or(T::zero(), |(_, condition)| condition), ..command }
+        let condition = term.map_or(T::zero(), |(_, condition)| condition);
+        Command { condition, ..answer.command(now.jacobian) }
     }
 
     fn factor(&self) -> Option<&Factor<T, M>> {

@@ -29,10 +29,7 @@ pub struct ArmSettings {
 const SINGULAR: f64 = 1e-6;
 
 impl ArmSettings {
-    pub(super) fn read(
-        arm: Section<'_>,
-        task: &task::Description,
-    ) -> Result<Self, ScenarioError> {
+    pub(super) fn read(arm: Section<'_>, task: &task::Description) -> Result<Self, ScenarioError> {
         arm.choice("kind", &[("planar", ())], Some(()))?;
         let expected = "1 to 7 links, each {length, mass, center, inertia}";
         let sections = arm.sections("links", expected)?;

@@ -22,9 +22,7 @@ use toml::{Table, Value};
 pub use arm::ArmSettings;
 pub use builtin::{BUILT_IN, built_in};
 pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, DEFAULT_SPIN, Wait, is_name};
-pub use law::{
-    Horizon, LawSettings, MASS_SCALE, MEMORY, MemoryPolicy, MemorySettings, PREDICTION,
-};
+pub use law::{Horizon, LawSettings, MASS_SCALE, MEMORY, MemoryPolicy, MemorySettings, PREDICTION};
 pub use link::{Dropout, Jitter, LinkSettings, Links};
 pub use safety::{OnTimeout, Safety};
 pub use section::{Origin, ScenarioError, Section};

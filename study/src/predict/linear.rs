@@ -146,11 +146,9 @@ impl<const M: usize> LinearLoop<M> {
     /// The matrix of one step: its columns are the steps of the unit states.
     pub fn step_matrix(&self) -> DMatrix<f64> {
         let size = self.size();
-        let unit = |i: usize| -> Vec<f64> {
-            (0..size).map(|j| if i == j { 1.0 } else { 0.0 }).collect()
-        };
-        let columns: Vec<_> =
-            (0..size).map(|i| DVector::from_vec(self.step(&unit(i)))).collect();
+        let unit =
+            |i: usize| -> Vec<f64> { (0..size).map(|j| if i == j { 1.0 } else { 0.0 }).collect() };
+        let columns: Vec<_> = (0..size).map(|i| DVector::from_vec(self.step(&unit(i)))).collect();
         DMatrix::from_columns(&columns)
     }
 

@@ -11,7 +11,7 @@ pub mod path;
 
 use mtj_model::{
     for_axes,
-    law::Equation,
+    law::{Equation, factor::FactorKind},
     lift::Lift,
     scenario::{Override, Scenario},
 };
@@ -41,19 +41,20 @@ pub struct Prediction {
     pub latency: Option<f64>,
 }
 
-/// The factor at which a scenario's limits are predicted, for a law that has one.
+/// The constant factor at which a scenario's limits are predicted, for a law that has one.
 pub fn factor(scenario: &Scenario) -> Option<f64> {
     let factor = scenario.law.law.factor()?;
-    Some(TRUST.min(factor.ceiling.unwrap_or(1.0)))
+    let ceiling = factor.ceiling.unwrap_or(1.0);
+    Some(if factor.kind == FactorKind::Constant { ceiling } else { TRUST.min(ceiling) })
 }
 
 /// The scenario with its regulating factor held constant at [`factor`].
 fn with_constant_factor(scenario: &Scenario) -> Result<Scenario, Failure> {
     let Some(k) = factor(scenario) else { return Ok(scenario.clone()) };
-    let mut set = vec![Override::text("law.factor.kind", "switch")];
-    for (key, value) in [("error", 1e9), ("error_rate", 1e9), ("ceiling", k)] {
-        set.push(Override::value(&format!("law.factor.{key}"), value.into()));
-    }
+    let set = [
+        Override::text("law.factor.kind", "constant"),
+        Override::value("law.factor.ceiling", k.into()),
+    ];
     Ok(Scenario::parse(&scenario.name, scenario.text(), &set)?)
 }
 

@@ -81,10 +81,9 @@ impl Arm {
         let masses = path::masses(&still, proceed)?;
         let motion = motion(scenario, proceed)?;
         let tau = wanted.time_constant_s;
-        let (initial_error, first_torque) =
-            for_links!(scenario.arm.links.len(), N => {
-                for_axes!(scenario.task, M => start::<N, M>(scenario, tau))
-            });
+        let (initial_error, first_torque) = for_links!(scenario.arm.links.len(), N => {
+            for_axes!(scenario.task, M => start::<N, M>(scenario, tau))
+        });
         Ok(Self {
             masses,
             period: scenario.timing.sample_period.as_secs_f64(),
@@ -137,14 +136,7 @@ impl Arm {
     }
 
     /// The loop on one mass at [`MARGIN`] times the latency.
-    fn linear(
-        &self,
-        kd: f64,
-        mass: f64,
-        k: f64,
-        memory: Memory,
-        wanted: &Wanted,
-    ) -> LinearLoop<1> {
+    fn linear(&self, kd: f64, mass: f64, k: f64, memory: Memory, wanted: &Wanted) -> LinearLoop<1> {
         let gain = |gain| Gains::Diagonal(SVector::repeat(gain));
         let tj = TransposeJacobian { kp: gain(kd / wanted.time_constant_s), kd: gain(kd) };
         let factor = Factor::constant(k);

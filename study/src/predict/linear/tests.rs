@@ -1,11 +1,6 @@
 use mtj_model::{
     gains::Gains,
-    law::{
-        factor::Factor,
-        mass::Mass,
-        mtj::ModifiedTransposeJacobian,
-        tj::TransposeJacobian,
-    },
+    law::{factor::Factor, mass::Mass, mtj::ModifiedTransposeJacobian, tj::TransposeJacobian},
 };
 
 use super::*;

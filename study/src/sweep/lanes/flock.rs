@@ -2,9 +2,12 @@
 
 use mtj_controller::responder::{Recollection, Responder, Response, is_singular};
 use mtj_model::{
-    arm::{Kinematics, planar::{Configuration, PlanarArm}},
-    law::first,
+    arm::{
+        Kinematics,
+        planar::{Configuration, PlanarArm},
+    },
     lanes::Lanes,
+    law::first,
     lift::Lift,
     matrix,
     task::{Previous, Task},
@@ -247,7 +250,11 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
 
     /// ‖e‖² of the true tracking error, m².
     #[inline(always)]
-    fn squared_error(&self, samples: &Samples<T, N, E>, response: &Response<T, Point<T, N, M>, N, M>) -> T {
+    fn squared_error(
+        &self,
+        samples: &Samples<T, N, E>,
+        response: &Response<T, Point<T, N, M>, N, M>,
+    ) -> T {
         // Who does not aim ahead has looked at the same instant.
         let desired = if self.predicts {
             Point::<T, N, M>::desired(&self.responder.trajectory, samples.time).point
@@ -260,7 +267,12 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
 
     /// Lets a lane go on from a sample; returns whether it was its last.
     #[inline(always)]
-    fn go_on(&mut self, lane: usize, squared_error: f64, response: &Response<T, Point<T, N, M>, N, M>) -> bool {
+    fn go_on(
+        &mut self,
+        lane: usize,
+        squared_error: f64,
+        response: &Response<T, Point<T, N, M>, N, M>,
+    ) -> bool {
         let place = &mut self.loops[lane];
         place.is_waiting = false;
         let delivered_ns = place.delivered_ns.take();
