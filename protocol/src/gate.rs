@@ -143,3 +143,27 @@ pub fn fault<S: Sample>(sample: &S) -> Option<Fault> {
     }
     (!sample.is_finite()).then_some(Fault::NotFinite)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::{Header, StateSample, TorqueSample};
+
+    #[test]
+    fn an_echo_has_at_most_seven_numbers() {
+        let header = Header { version: VERSION, joints: 2, axes: 2, ..Header::default() };
+        for (echo_count, expected) in [(0, None), (7, None), (8, Some(Fault::Malformed))] {
+            let state = StateSample { header, echo_count, ..Default::default() };
+            let torque = TorqueSample { header, echo_count, ..Default::default() };
+            assert_eq!((fault(&state), fault(&torque)), (expected, expected), "{echo_count}");
+        }
+    }
+
+    #[test]
+    fn the_sentence_on_another_version_names_both() {
+        let sample = TorqueSample::default();
+        let sentence = fault(&sample).map(Fault::sentence).unwrap_or_default();
+        let both = format!("protocol version 0, this program has {VERSION};");
+        assert!(sentence.contains(&both), "{sentence}");
+    }
+}
