@@ -6,11 +6,12 @@ It needs Python 3.11 and `pip install eclipse-zenoh`, and takes the place of `mt
     mtj plant --listen tcp/127.0.0.1:7447 --scenario sampled/mtj --set timing.clock=lockstep
     python3 examples/controller.py --connect tcp/127.0.0.1:7447
 
-Laws tj and mtj for a planar arm on a circle, with every memory policy; what else a scenario may ask for, it says
-it cannot do.
+It has the laws tj and mtj for a planar arm on a circle, with every memory policy and the term of eq. (11). It
+refuses scenarios that ask for anything else.
 """
 
 import argparse
+import itertools
 import json
 import math
 import secrets
@@ -18,13 +19,41 @@ import struct
 import sys
 import time
 import tomllib
+import types
 
 import zenoh
 
-VERSION = 3
-# Header: version, joints, axes, revision, run, sequence, time_ns. Then what each sample has of its own.
-STATE = struct.Struct("<4I3Q 6Q 7d 7d 6d 6d")  # sent_ns …, leader, timed_out, position, velocity, applied, delivered
-TORQUE = struct.Struct("<4I3Q 3Q 7d 6d")  # state_sent_ns, residence_ns, controller, torque, force
+VERSION = 4
+
+
+class Layout:
+    """A sample as bytes: the names of its fields in order, each with its format."""
+
+    def __init__(self, fields):
+        self.fields = [field.split(":") for field in fields.split()]
+        self.struct = struct.Struct("<" + "".join(form for _, form in self.fields))
+        self.size = self.struct.size
+
+    def unpack(self, data):
+        numbers, sample = iter(self.struct.unpack(data)), types.SimpleNamespace()
+        for name, form in self.fields:
+            count = form[:-1]
+            setattr(sample, name, list(itertools.islice(numbers, int(count))) if count else next(numbers))
+        return sample
+
+    def pack(self, **values):
+        """Lists that are shorter than their field are filled up with zeros."""
+        numbers = []
+        for name, form in self.fields:
+            value, count = values[name], int(form[:-1] or 1)
+            numbers += [*value, *[0.0] * (count - len(value))] if isinstance(value, list) else [value]
+        return self.struct.pack(*numbers)
+
+
+HEADER = "version:I joints:I axes:I revision:I run:Q sequence:Q time_ns:Q"
+STATE = Layout(HEADER + """ sent_ns:Q latency_ns:Q round_trip_ns:Q residence_ns:Q leader:Q timed_out:Q echo_count:Q
+    position:7d velocity:7d applied:7d delivered:7d""")
+TORQUE = Layout(HEADER + """ state_sent_ns:Q residence_ns:Q controller:Q echo_count:Q torque:7d echo:7d""")
 UNITS = {"ns": 1, "us": 1e3, "µs": 1e3, "ms": 1e6, "s": 1e9, "min": 60e9, "h": 3600e9, "d": 86400e9}
 
 
@@ -35,32 +64,37 @@ def nanoseconds(text):
 
 
 class Law:
-    """A scenario's task force and torque: Q = Kp e + Kd ė + k h and τ = Jᵀ Q."""
+    """A scenario's task force and torque: Q = Kp e + Kd ė + h [+ ë, eq. (11)] and τ = Jᵀ Q."""
 
     def __init__(self, scenario):
         law, path = scenario["law"], scenario["trajectory"]
         self.factor = {"kind": "exponential", "error": 1.0, "error_rate": 10.0, "ceiling": 1.0} | law.get("factor", {})
         self.memory = {"policy": "sent", "step": scenario["timing"]["sample_period"]} | law.get("memory", {})
-        if (law["kind"] not in ("tj", "mtj") or "prediction" in law or law.get("acceleration")
+        if (law["kind"] not in ("tj", "mtj") or "prediction" in law
                 or path["kind"] == "point-to-point" or not {"switch", "exponential"} & {self.factor["kind"]}
                 or not all(isinstance(law[gain], (int, float)) for gain in ("kp", "kd"))):
-            sys.exit("controller.py: this scenario asks for a law or a path that this example does not know")
+            sys.exit("controller.py: this example does not know the scenario's law or path")
         self.lengths = [link["length"] for link in scenario["arm"]["links"]]
         self.kp, self.kd, self.remembers = law["kp"], law["kd"], law["kind"] == "mtj"
+        self.accelerates = self.remembers and law.get("acceleration", False)
         self.path = {"center": [0, 0], "phase": 0, "ripple": {"amplitude": 0, "multiple": 0}} | path
         self.step_ns = nanoseconds(self.memory["step"])
         self.forget()
 
     def forget(self):
-        self.is_first, self.step, self.sent = True, None, (0.0, 0.0)
+        self.is_first, self.step, self.sent, self.before = True, None, (0.0, 0.0), None
+
+    def resume_from(self, other):
+        self.is_first, self.step, self.sent, self.before = other.is_first, other.step, other.sent, other.before
 
     def desired(self, t):
-        """Where the tip should be at t, and how fast it should move."""
+        """The desired position, velocity and acceleration of the tip at t."""
         w, r, ripple = self.path["angular_frequency"], self.path["radius"], self.path["ripple"]
         angle, rate, size = w * t + self.path["phase"], ripple["multiple"] * w, ripple["amplitude"]
         spoke, swing = (r * math.cos(angle), r * math.sin(angle)), size * math.sin(rate * t)
-        where = [c + s + swing for c, s in zip(self.path["center"], spoke)]
-        return where, [v + size * rate * math.cos(rate * t) for v in (-w * spoke[1], w * spoke[0])]
+        position = [c + s + swing for c, s in zip(self.path["center"], spoke)]
+        velocity = [v + size * rate * math.cos(rate * t) for v in (-w * spoke[1], w * spoke[0])]
+        return position, velocity, [-w * w * s - rate * rate * swing for s in spoke]
 
     def jacobian(self, q):
         """Tip position, and one column (∂x/∂qᵢ, ∂y/∂qᵢ) for each joint."""
@@ -78,13 +112,21 @@ class Law:
         k = float(error < 1 and error_rate < 1) if is_switch else math.exp(-(error + error_rate))
         return k * self.factor["ceiling"]
 
+    def acceleration(self, t, speed):
+        """The tip's acceleration since the last sample; zero at the first one."""
+        (before, slower), self.before = self.before or (t, speed), (t, speed)
+        return [(v - u) / (t - before) if t > before else 0.0 for v, u in zip(speed, slower)]
+
     def respond(self, time_ns, position, velocity, applied, delivered):
         """The torque and the task force for one state."""
         tip, columns = self.jacobian(position)
         speed = [sum(column[axis] * v for column, v in zip(columns, velocity)) for axis in (0, 1)]
-        where, how_fast = self.desired(time_ns * 1e-9)
-        e, e_rate = [d - x for d, x in zip(where, tip)], [d - v for d, v in zip(how_fast, speed)]
+        x_d, v_d, a_d = self.desired(time_ns * 1e-9)
+        e, e_rate = [d - x for d, x in zip(x_d, tip)], [d - v for d, v in zip(v_d, speed)]
         force = [self.kp * x + self.kd * v for x, v in zip(e, e_rate)]
+        acceleration = self.acceleration(time_ns * 1e-9, speed)
+        if self.accelerates:
+            force = [f + d - a for f, d, a in zip(force, a_d, acceleration)]
         if self.remembers and not self.is_first:
             k = self.regulate(e, e_rate)
             memory = {"sent": self.sent, "applied": applied, "delivered": delivered}[self.memory["policy"]]
@@ -108,44 +150,42 @@ def fetch(session, key):
     return None
 
 
-def padded(numbers, count):
-    return [*numbers, *[0.0] * (count - len(numbers))]
-
-
 def serve(session, name):
     """Answers states as long as the process lives."""
     key, me = f"mtj/{name}", secrets.randbelow(2**64 - 1) + 1
     states = session.declare_subscriber(f"{key}/state", zenoh.handlers.RingChannel(1))
     torques = session.declare_publisher(f"{key}/torque", express=True, priority=zenoh.Priority.REAL_TIME,
                                         congestion_control=zenoh.CongestionControl.DROP)
-    # Who is announced can be put in charge, and stands by for others until then.
+    # An announced controller can be put in charge; until then it stands by.
     token = session.liveliness().declare_token(f"{key}/member/controller/{me}/0/{time.time_ns()}")
-    known, law, answered, answer = None, None, None, None
+    known, law, answered = None, None, None
     for sample in states:
         received, data = time.perf_counter_ns(), sample.payload.to_bytes()
         if len(data) != STATE.size:
             continue
-        fields = STATE.unpack(data)
-        version, joints, axes, revision, run, sequence, time_ns, sent_ns, _, _, _, leader, timed_out = fields[:13]
-        if version != VERSION or not all(map(math.isfinite, fields[13:])):
+        state = STATE.unpack(data)
+        vectors = state.position, state.velocity, state.applied, state.delivered
+        if state.version != VERSION or not all(map(math.isfinite, itertools.chain(*vectors))):
             continue
-        if known is None or known[0] != run or known[1] < revision:  # Another plant, or a knob was turned.
+        run, revision = state.run, state.revision
+        if known is None or known[0] != run or known[1] < revision:  # Another plant, or a changed scenario.
             offer = fetch(session, f"{key}/scenario")
             if offer is None or offer[0][0] != run or offer[0][1] < revision:
                 continue
             if known is not None and known[0] == run:  # What is remembered goes only with the plant.
-                offer[1].is_first, offer[1].step, offer[1].sent = law.is_first, law.step, law.sent
+                offer[1].resume_from(law)
             known, law = offer
-        if answered != (run, sequence):  # One that comes again is answered as before.
-            if timed_out:
+        if answered != (run, state.sequence):  # A state that comes again is answered as before.
+            if state.timed_out:
                 law.forget()
-            position, velocity, applied, delivered = fields[13:20], fields[20:27], fields[27:33], fields[33:39]
-            answer = law.respond(time_ns, position[:joints], velocity[:joints], applied[:axes], delivered[:axes])
-            answered = run, sequence
-        if leader in (0, me):
-            header = VERSION, joints, axes, revision, run, sequence, time_ns
+            vectors = [v[:n] for v, n in zip(vectors, (state.joints, state.joints, state.axes, state.axes))]
+            torque, echo = law.respond(state.time_ns, *vectors)
+            answered = run, state.sequence
+        if state.leader in (0, me):
             residence = time.perf_counter_ns() - received
-            torques.put(TORQUE.pack(*header, sent_ns, residence, me, *padded(answer[0], 7), *padded(answer[1], 6)))
+            answer = vars(state) | {"state_sent_ns": state.sent_ns, "residence_ns": residence, "controller": me,
+                                    "echo_count": len(echo), "torque": torque, "echo": echo}
+            torques.put(TORQUE.pack(**answer))
     token.undeclare()
 
 

@@ -1,4 +1,4 @@
-//! A controller in another language, that knows nothing but docs/wire.md.
+//! A controller in another language, written from docs/wire.md alone.
 
 #![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
 
@@ -63,6 +63,7 @@ fn a_controller_in_another_language_closes_the_loop_with_the_same_trajectory() {
         "--scenario sampled/mtj --set law.memory.policy=delivered --set link.torque.latency=1ms",
         "--scenario sampled/mtj --set law.memory.policy=applied --set law.factor.ceiling=0.98",
         "--scenario sampled/mtj --set law.memory.step=20ms --set law.factor.kind=switch --set duration=5s",
+        "--scenario sampled/mtj --set law.acceleration=true --set link.torque.latency=1ms",
         "--scenario sampled/tj --set duration=5s",
         "--scenario redundant/mtj --set duration=5s",
     ] {

@@ -2,7 +2,7 @@
 
 use mtj_protocol::{
     codec::{self, LARGEST_SAMPLE},
-    gate::{Gate, Verdict},
+    gate::{self, Fault, Gate, Verdict},
     sample::{
         ChangeSample, ErrorSample, Field, PresenceSample, RequestSample, Sample, StateSample,
         StatusSample, TorqueSample,
@@ -29,6 +29,8 @@ pub fn samples(data: &[u8]) {
 fn sample<S: Sample>(data: &[u8]) {
     let Some(sample) = codec::decode::<S>(data) else {
         assert_ne!(data.len(), size_of::<S>(), "all bytes of the right length are a sample");
+        let other = codec::read::<S>(data).map(|sample| gate::fault(&sample));
+        assert!(matches!(other, None | Some(Some(Fault::Version(_)))), "a header alone passes");
         return;
     };
     let mut buffer = [0; LARGEST_SAMPLE];

@@ -11,7 +11,7 @@ use mtj_protocol::{
     },
 };
 use proptest::{
-    array::{uniform6, uniform7},
+    array::{uniform6, uniform7, uniform14},
     collection::vec,
     num::f64::ANY,
     prelude::*,
@@ -41,34 +41,35 @@ proptest! {
     #[test]
     fn a_state_comes_back(
         header in header(),
-        counts in any::<[u64; 6]>(),
+        counts in any::<[u64; 7]>(),
         (position, velocity) in (uniform7(ANY), uniform7(ANY)),
-        (applied, delivered) in (uniform6(ANY), uniform6(ANY)),
+        (applied, delivered) in (uniform7(ANY), uniform7(ANY)),
     ) {
-        let [sent_ns, latency_ns, round_trip_ns, residence_ns, leader, timed_out] = counts;
+        let [sent_ns, latency_ns, round_trip_ns, residence_ns, leader, timed_out, echo_count] = counts;
         comes_back(&StateSample {
-            header, sent_ns, latency_ns, round_trip_ns, residence_ns, leader, timed_out, position, velocity,
-            applied, delivered,
+            header, sent_ns, latency_ns, round_trip_ns, residence_ns, leader, timed_out, echo_count, position,
+            velocity, applied, delivered,
         });
     }
 
     #[test]
     fn a_torque_comes_back(
         header in header(),
-        (state_sent_ns, residence_ns, controller) in any::<(u64, u64, u64)>(),
-        (torque, force) in (uniform7(ANY), uniform6(ANY)),
+        (state_sent_ns, residence_ns, controller, echo_count) in any::<(u64, u64, u64, u64)>(),
+        (torque, echo) in (uniform7(ANY), uniform7(ANY)),
     ) {
-        comes_back(&TorqueSample { header, state_sent_ns, residence_ns, controller, torque, force });
+        comes_back(&TorqueSample {
+            header, state_sent_ns, residence_ns, controller, echo_count, torque, echo,
+        });
     }
 
     #[test]
     fn an_error_comes_back(
         header in header(),
-        law in any::<u64>(),
-        (error, error_rate) in (uniform6(ANY), uniform6(ANY)),
-        (factor, memory) in (uniform6(ANY), uniform6(ANY)),
+        law in any::<[[u8; 32]; 1]>(),
+        (error, error_rate, signals) in (uniform6(ANY), uniform6(ANY), uniform14(ANY)),
     ) {
-        comes_back(&ErrorSample { header, law, error, error_rate, factor, memory });
+        comes_back(&ErrorSample { header, law, error, error_rate, signals });
     }
 
     #[test]

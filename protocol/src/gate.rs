@@ -18,8 +18,8 @@ pub enum Verdict {
 /// Why a sample is not acceptable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// Written by a program with another protocol version.
-    Version,
+    /// Written by a program with another protocol version: this one.
+    Version(u32),
     /// Counts out of range.
     Malformed,
     /// From another incarnation of the plant, or for one.
@@ -40,9 +40,14 @@ pub enum Fault {
 
 impl Fault {
     /// What to tell the user, once.
-    pub fn sentence(self) -> &'static str {
-        match self {
-            Self::Version => "it speaks another protocol version; run the same mtj on all machines",
+    pub fn sentence(self) -> String {
+        let sentence = match self {
+            Self::Version(version) => {
+                return format!(
+                    "it has protocol version {version}, this program has {VERSION}; run the same \
+                     version of mtj in the whole session"
+                );
+            }
             Self::Malformed => "it is not a sample",
             Self::Run => "it belongs to another run of the plant",
             Self::Arm => "it is about an arm with another number of joints",
@@ -51,7 +56,8 @@ impl Fault {
             Self::Duplicate => "it was heard before",
             Self::Unasked => "it answers a state that was not sent",
             Self::NotInCharge => "it is from a controller that is not in charge",
-        }
+        };
+        sentence.to_owned()
     }
 }
 
@@ -91,7 +97,7 @@ impl Gate {
         let is_ours = header.run == self.run;
         let is_of_our_arm = self.arm.is_none_or(|arm| arm == (header.joints, header.axes));
         let fault = match fault(sample) {
-            fault @ Some(Fault::Version | Fault::Malformed) => fault,
+            fault @ Some(Fault::Version(_) | Fault::Malformed) => fault,
             _ if !is_ours => Some(Fault::Run),
             _ if !is_of_our_arm => Some(Fault::Arm),
             not_finite => objection(sample).or(not_finite),
@@ -130,10 +136,34 @@ impl Gate {
 pub fn fault<S: Sample>(sample: &S) -> Option<Fault> {
     let header = sample.header();
     if header.version != VERSION {
-        return Some(Fault::Version);
+        return Some(Fault::Version(header.version));
     }
     if !sample.is_well_formed() {
         return Some(Fault::Malformed);
     }
     (!sample.is_finite()).then_some(Fault::NotFinite)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::{Header, StateSample, TorqueSample};
+
+    #[test]
+    fn an_echo_has_at_most_seven_numbers() {
+        let header = Header { version: VERSION, joints: 2, axes: 2, ..Header::default() };
+        for (echo_count, expected) in [(0, None), (7, None), (8, Some(Fault::Malformed))] {
+            let state = StateSample { header, echo_count, ..Default::default() };
+            let torque = TorqueSample { header, echo_count, ..Default::default() };
+            assert_eq!((fault(&state), fault(&torque)), (expected, expected), "{echo_count}");
+        }
+    }
+
+    #[test]
+    fn the_sentence_on_another_version_names_both() {
+        let sample = TorqueSample::default();
+        let sentence = fault(&sample).map(Fault::sentence).unwrap_or_default();
+        let both = format!("protocol version 0, this program has {VERSION};");
+        assert!(sentence.contains(&both), "{sentence}");
+    }
 }

@@ -5,6 +5,8 @@
 //! one table of offsets (see `docs/wire.md`). Lists are as long as the largest arm; the counts in
 //! the header say how much of them is meant.
 
+use std::mem::offset_of;
+
 #[cfg(feature = "iceoryx2")]
 use iceoryx2::prelude::ZeroCopySend;
 use mtj_model::{MAX_AXES, MAX_ECHO, MAX_JOINTS, MAX_SIGNALS, law};
@@ -175,6 +177,12 @@ macro_rules! layout {
         #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
         #[cfg_attr(feature = "iceoryx2", derive(ZeroCopySend))]
         pub struct $name { $($(#[$field_doc])* pub $field: $type,)* }
+
+        impl $name {
+            /// The fields in order: name, type and offset in bytes.
+            pub const LAYOUT: &'static [(&'static str, &'static str, usize)] =
+                &[$((stringify!($field), stringify!($type), offset_of!($name, $field)),)*];
+        }
     };
 }
 

@@ -1,16 +1,46 @@
-//! Two versions of mtj at the same shared memory.
+//! Two versions of mtj in one session: every process says so in one sentence, once, and misreads nothing.
 
-#![cfg(feature = "iceoryx2")]
+#![cfg(all(feature = "iceoryx2", feature = "zenoh"))]
 #![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
 
+use std::{
+    env,
+    net::TcpListener,
+    process::{self, Command, Stdio},
+    thread,
+    time::{Duration, Instant},
+};
+
+use ::zenoh::Wait as _;
 use iceoryx2::prelude::ZeroCopySend;
-use mtj_model::scenario::Wait;
+use mtj_model::scenario::{BusSettings, Scenario, Wait, built_in};
 use mtj_protocol::{
     bus::{Bus, BusError, Depth},
+    codec::{self, LARGEST_SAMPLE, Offer},
     iceoryx2::Iceoryx2Bus,
-    sample::{Field, FieldMut, Header, Sample, StateSample},
+    local::LocalBus,
+    member::{Member, Role},
+    port::{
+        Bridge, ControllerPort, Exchange, MonitorPort, Offered, PlantPort, Traffic, fetch_scenario,
+    },
+    sample::{Field, FieldMut, Header, Sample, StateSample, TorqueSample, VERSION},
+    transport::AnyBus,
 };
 use serde::{Deserialize, Serialize};
+
+/// The version before this one, and the sizes that its samples had.
+const OLD: u32 = 3;
+const OLD_SIZES: [(&str, usize); 7] = [
+    ("state", 296),
+    ("torque", 168),
+    ("error", 240),
+    ("status", 280),
+    ("request", 496),
+    ("change", 512),
+    ("presence", 144),
+];
+
+const RUN: u64 = 7;
 
 /// A state as another version lays it out.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize, ZeroCopySend)]
@@ -28,6 +58,9 @@ impl Sample for OtherState {
     fn header(&self) -> &Header {
         &self.header
     }
+    fn is_well_formed(&self) -> bool {
+        true
+    }
     fn is_finite(&self) -> bool {
         true
     }
@@ -40,18 +73,228 @@ impl Sample for OtherState {
     }
 }
 
+fn scenario() -> Scenario {
+    Scenario::parse("sampled/mtj", built_in("sampled/mtj").unwrap(), &[]).unwrap()
+}
+
+fn controller() -> Member {
+    Member { role: Role::Controller, id: 5, precedence: 0, since_ns: 1 }
+}
+
+fn offered() -> Offered {
+    Offered { run: RUN, revision: 0, scenario: scenario() }
+}
+
 #[test]
-fn another_version_in_the_session_is_told_in_a_sentence() {
-    let session = format!("versions-{}", std::process::id());
+fn a_process_that_joins_another_version_in_shared_memory_is_told_in_a_sentence() {
+    let session = format!("versions-{}", process::id());
     let (bus, other) = (Iceoryx2Bus::open(&session).unwrap(), Iceoryx2Bus::open(&session).unwrap());
     let _writer = other.writer::<OtherState>().unwrap();
+    let far = LocalBus::default();
     let refused = [
-        bus.reader::<StateSample>(Depth::Recent, Wait::Block).err(),
-        bus.writer::<StateSample>().err(),
+        ("reader", bus.reader::<StateSample>(Depth::Recent, Wait::Block).err()),
+        ("writer", bus.writer::<StateSample>().err()),
+        ("plant", PlantPort::open(&bus, &scenario(), RUN).err()),
+        ("controller", ControllerPort::open(&bus, &controller(), &offered(), Wait::Block).err()),
+        ("monitor", MonitorPort::open(&bus).err()),
+        ("bridge", Bridge::open(&bus, &far, false).err()),
+        ("bridge the other way", Bridge::open(&far, &bus, false).err()),
     ];
-    for error in refused {
-        let Some(BusError::Settings(sentence)) = error else { panic!("{error:?}") };
+    for (role, error) in refused {
+        let Some(BusError::Settings(sentence)) = error else { panic!("{role}: {error:?}") };
         assert!(sentence.contains(&session) && sentence.contains("another version"), "{sentence}");
         assert!(!sentence.contains("Incompatible"), "{sentence}");
     }
+}
+
+/// For how long a role listens: longer than it waits before it says that there is no plant.
+const LISTENS: Duration = Duration::from_millis(2500);
+
+/// What a test starts as a process of its own, because what a role says goes to standard error.
+#[test]
+#[ignore = "a part of the tests below"]
+fn a_role() {
+    let settings = BusSettings::from_table("here", env::var("BUS").unwrap().parse().unwrap());
+    let (settings, end) = (settings.unwrap(), Instant::now() + LISTENS);
+    let proceed = || Instant::now() < end;
+    let glance = || Instant::now() + Duration::from_millis(20);
+    let join = |role| AnyBus::open(&settings, role, &proceed).unwrap().unwrap();
+    match env::var("ROLE").unwrap().as_str() {
+        "plant" => {
+            let bus = join(Role::Plant);
+            let mut port = PlantPort::open(&bus, &scenario(), RUN).unwrap();
+            let header =
+                Header { version: VERSION, joints: 2, axes: 2, run: RUN, ..Header::default() };
+            while proceed() {
+                port.send(&mut StateSample { header, ..Default::default() }).unwrap();
+                assert_eq!(port.receive(glance()).unwrap(), None);
+                assert_eq!(port.request().unwrap(), None);
+            }
+            assert!(port.rejected() > 10, "counted always: {}", port.rejected());
+        }
+        "controller" => {
+            let bus = join(Role::Controller);
+            assert_eq!(fetch_scenario(&bus, &proceed).unwrap(), None);
+        }
+        "controller of a plant that was replaced" => {
+            let bus = join(Role::Controller);
+            let mut port =
+                ControllerPort::open(&bus, &controller(), &offered(), Wait::Block).unwrap();
+            while proceed() {
+                assert_eq!(port.receive(glance()).unwrap(), None);
+            }
+            assert!(port.rejected() > 10, "counted always: {}", port.rejected());
+        }
+        "monitor" => {
+            let bus = join(Role::Monitor);
+            let mut port = MonitorPort::open(&bus).unwrap();
+            while proceed() {
+                port.drain(&bus, &mut |message| panic!("{message:?} was misread")).unwrap();
+                thread::sleep(Duration::from_millis(1));
+            }
+            assert!(port.rejected() > 10, "counted always: {}", port.rejected());
+        }
+        "bridge" => {
+            let (near, far) = (join(Role::Monitor), LocalBus::default());
+            let mut bridge = Bridge::open(&near, &far, false).unwrap();
+            while proceed() {
+                bridge.carry().unwrap();
+                thread::sleep(Duration::from_millis(1));
+            }
+            let Traffic { over, back, malformed, .. } = bridge.traffic();
+            assert_eq!((over, back), (0, 0), "nothing crosses");
+            assert!(malformed > 10, "counted always: {malformed}");
+            assert_eq!(far.fetch().unwrap(), None);
+        }
+        role => panic!("no role '{role}'"),
+    }
+}
+
+/// Runs a role on a bus while `meanwhile` goes on, and checks that it says one sentence, with both versions.
+fn says_it_once(role: &str, bus: &str, mut meanwhile: impl FnMut()) {
+    let mut child = Command::new(env::current_exe().unwrap())
+        .args(["a_role", "--exact", "--ignored", "--nocapture"])
+        .env("ROLE", role)
+        .env("BUS", bus)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    while child.try_wait().unwrap().is_none() {
+        meanwhile();
+        thread::sleep(Duration::from_millis(5));
+    }
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{role}: {said}");
+    let sentences: Vec<_> = said.lines().filter(|line| line.starts_with("mtj:")).collect();
+    let [sentence] = sentences[..] else { panic!("{role} says once: {said}") };
+    let both = format!("protocol version {OLD}, this program has {VERSION};");
+    assert!(sentence.contains(&both), "{role}: {sentence}");
+}
+
+/// A sample of the version before: the header is the same.
+fn old_sample(size: usize, sequence: u64) -> Vec<u8> {
+    let header =
+        Header { version: OLD, joints: 2, axes: 2, run: RUN, sequence, ..Header::default() };
+    let mut buffer = [0; LARGEST_SAMPLE];
+    let mut bytes = codec::encode(&TorqueSample { header, ..Default::default() }, &mut buffer)
+        [..size_of::<Header>()]
+        .to_vec();
+    bytes.resize(size, 0);
+    bytes
+}
+
+fn old_offer() -> Vec<u8> {
+    let text = built_in("sampled/mtj").unwrap().to_owned();
+    codec::encode_offer(&Offer { version: OLD, revision: 0, run: RUN, name: "old".into(), text })
+}
+
+/// Where a session on Zenoh is, in a test of its own.
+fn place(test: &str) -> (String, String) {
+    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let (endpoint, session) =
+        (format!("tcp/127.0.0.1:{port}"), format!("versions-{test}-{}", process::id()));
+    (endpoint, session)
+}
+
+/// A Zenoh session of the version before, at which it does the rest by hand.
+fn old_session(mode: &str, end: &str, endpoint: &str) -> Option<::zenoh::Session> {
+    let mut config = ::zenoh::Config::default();
+    for (key, value) in [
+        ("mode", format!("{mode:?}")),
+        ("scouting/multicast/enabled", "false".to_owned()),
+        ("scouting/gossip/enabled", "false".to_owned()),
+        (end, format!("[{endpoint:?}]")),
+    ] {
+        config.insert_json5(key, &value).unwrap();
+    }
+    ::zenoh::open(config).wait().ok()
+}
+
+#[test]
+fn a_plant_on_zenoh_says_once_that_a_controller_has_another_version() {
+    let (endpoint, session) = place("plant");
+    let bus = format!("kind = 'zenoh'\nsession = '{session}'\nlisten = '{endpoint}'");
+    let mut old = None;
+    let mut sequence = 0;
+    says_it_once("plant", &bus, || {
+        if old.is_none() {
+            // Until the plant listens.
+            old = old_session("client", "connect/endpoints", &endpoint);
+        }
+        let Some(old) = &old else { return };
+        for (topic, size) in [("torque", 168), ("request", 496)] {
+            old.put(format!("mtj/{session}/{topic}"), old_sample(size, sequence)).wait().unwrap();
+        }
+        sequence += 1;
+    });
+}
+
+/// A plant and a controller of the version before, to which a role of ours connects.
+fn says_it_once_to_an_old_loop(role: &str, test: &str) {
+    let (endpoint, session) = place(test);
+    let old = old_session("peer", "listen/endpoints", &endpoint).unwrap();
+    let _offer = old
+        .declare_queryable(format!("mtj/{session}/scenario"))
+        .callback(|query| query.reply(query.key_expr(), old_offer()).wait().unwrap())
+        .wait()
+        .unwrap();
+    let bus = format!("kind = 'zenoh'\nsession = '{session}'\nconnect = '{endpoint}'");
+    let mut sequence = 0;
+    says_it_once(role, &bus, || {
+        for (topic, size) in OLD_SIZES {
+            old.put(format!("mtj/{session}/{topic}"), old_sample(size, sequence)).wait().unwrap();
+        }
+        sequence += 1;
+    });
+}
+
+#[test]
+fn a_controller_on_zenoh_says_once_that_the_plant_has_another_version() {
+    says_it_once_to_an_old_loop("controller", "controller");
+}
+
+#[test]
+fn a_controller_on_zenoh_says_once_that_a_plant_was_replaced_by_one_of_another_version() {
+    says_it_once_to_an_old_loop("controller of a plant that was replaced", "replaced");
+}
+
+#[test]
+fn a_monitor_on_zenoh_says_once_that_the_loop_has_another_version() {
+    says_it_once_to_an_old_loop("monitor", "monitor");
+}
+
+#[test]
+fn a_bridge_says_once_that_the_loop_has_another_version_and_lets_nothing_across() {
+    says_it_once_to_an_old_loop("bridge", "bridge");
+}
+
+#[test]
+fn a_controller_in_shared_memory_says_once_that_the_offer_has_another_version() {
+    let session = format!("versions-offer-{}", process::id());
+    let old = Iceoryx2Bus::open(&session).unwrap();
+    let mut offering = old.offer(old_offer()).unwrap();
+    let bus = format!("kind = 'iceoryx2'\nsession = '{session}'");
+    says_it_once("controller", &bus, || offering.serve().unwrap());
 }

@@ -4,7 +4,8 @@
 //! cross over to the *far* bus; wishes to turn knobs come back. Torques never do: nobody beyond a bridge
 //! takes part in the loop, and nobody in the loop can tell whether there is a bridge.
 //!
-//! Samples cross as they are. Whether they are acceptable is judged where they are used.
+//! Samples cross as they are. Whether they are acceptable is judged where they are used. Only what another protocol
+//! version wrote stays behind: it has another layout.
 
 use std::{
     any::Any,
@@ -14,13 +15,17 @@ use std::{
 
 use mtj_model::scenario::Wait;
 
-use super::offer::{Follower, encode};
+use super::{
+    Complaints,
+    offer::{Follower, encode},
+};
 use crate::{
     bus::{self, Attendance, Bus, BusError, Depth, Offering, Reader, Writer},
+    gate::Fault,
     member::{Member, Role},
     sample::{
         ChangeSample, ErrorSample, Header, PresenceSample, RequestSample, Sample, StateSample,
-        StatusSample, TorqueSample,
+        StatusSample, TorqueSample, VERSION,
     },
 };
 
@@ -46,6 +51,7 @@ pub struct Bridge<'a, N, F> {
     /// Whether a plant has said anything since the last look.
     is_alive: bool,
     missed: u64,
+    complaints: Complaints,
 }
 
 /// What a bridge has done so far.
@@ -57,7 +63,7 @@ pub struct Traffic {
     pub back: u64,
     /// States that were gone before the bridge came to take them.
     pub missed: u64,
-    /// Messages that were no samples.
+    /// Messages that were no samples of this protocol version.
     pub malformed: u64,
 }
 
@@ -79,6 +85,7 @@ impl<'a, N: Bus, F: Bus> Bridge<'a, N, F> {
             newest: None,
             is_alive: false,
             missed: 0,
+            complaints: Complaints::default(),
             near,
             far,
         })
@@ -90,18 +97,18 @@ impl<'a, N: Bus, F: Bus> Bridge<'a, N, F> {
             self.look = Instant::now() + LOOK;
             self.introduce()?;
         }
-        let Self { near, far, scenario, newest, is_alive, missed, .. } = self;
-        self.states.carry(|header| {
+        let Self { near, far, scenario, newest, is_alive, missed, complaints, .. } = self;
+        self.states.carry(complaints, |header| {
             *is_alive = true;
             *missed += gap(newest.replace(*header), header);
             scenario.follow(*near, *far, header)
         })?;
-        self.torques.carry(|_| Ok(()))?;
-        self.errors.carry(|_| Ok(()))?;
-        self.changes.carry(|_| Ok(()))?;
-        self.statuses.carry(|header| scenario.follow(*near, *far, header))?;
-        self.presences.carry(|_| Ok(()))?;
-        self.requests.as_mut().map_or(Ok(()), |requests| requests.carry(|_| Ok(())))
+        self.torques.carry(complaints, |_| Ok(()))?;
+        self.errors.carry(complaints, |_| Ok(()))?;
+        self.changes.carry(complaints, |_| Ok(()))?;
+        self.statuses.carry(complaints, |header| scenario.follow(*near, *far, header))?;
+        self.presences.carry(complaints, |_| Ok(()))?;
+        self.requests.as_mut().map_or(Ok(()), |requests| requests.carry(complaints, |_| Ok(())))
     }
 
     /// Announces on the far bus who takes part on the near one.
@@ -130,7 +137,7 @@ impl<'a, N: Bus, F: Bus> Bridge<'a, N, F> {
     /// What it has done so far.
     pub fn traffic(&self) -> Traffic {
         let (back, unreadable) =
-            self.requests.as_ref().map_or((0, 0), |lane| (lane.carried, lane.from.malformed()));
+            self.requests.as_ref().map_or((0, 0), |lane| (lane.carried, lane.malformed()));
         Traffic {
             over: self.states.carried
                 + self.torques.carried
@@ -141,12 +148,12 @@ impl<'a, N: Bus, F: Bus> Bridge<'a, N, F> {
             back,
             missed: self.missed,
             malformed: unreadable
-                + self.states.from.malformed()
-                + self.torques.from.malformed()
-                + self.errors.from.malformed()
-                + self.statuses.from.malformed()
-                + self.changes.from.malformed()
-                + self.presences.from.malformed(),
+                + self.states.malformed()
+                + self.torques.malformed()
+                + self.errors.malformed()
+                + self.statuses.malformed()
+                + self.changes.malformed()
+                + self.presences.malformed(),
         }
     }
 }
@@ -162,27 +169,40 @@ struct Lane<S> {
     from: Box<dyn Reader<S>>,
     to: Box<dyn Writer<S>>,
     carried: u64,
+    /// Samples of another protocol version.
+    foreign: u64,
 }
 
 impl<S: Sample> Lane<S> {
     fn open(from: &impl Bus, to: &impl Bus) -> Result<Self, BusError> {
         let from = from.reader(Depth::Stream, Wait::Block)?;
-        Ok(Self { from, to: to.writer()?, carried: 0 })
+        Ok(Self { from, to: to.writer()?, carried: 0, foreign: 0 })
     }
 
     /// Carries over what has come, after `before` has seen to what must be there first.
     fn carry(
         &mut self,
+        complaints: &mut Complaints,
         mut before: impl FnMut(&Header) -> Result<(), BusError>,
     ) -> Result<(), BusError> {
         // A writer that is faster than this reader must not hold up the other lanes.
         for _ in 0..bus::STREAM_DEPTH {
             let Some(sample) = self.from.take()? else { break };
+            let version = sample.header().version;
+            if version != VERSION {
+                self.foreign += 1;
+                complaints.once::<S>(Fault::Version(version));
+                continue;
+            }
             before(sample.header())?;
             self.to.write(&sample)?;
             self.carried += 1;
         }
         Ok(())
+    }
+
+    fn malformed(&self) -> u64 {
+        self.foreign + self.from.malformed()
     }
 }
 

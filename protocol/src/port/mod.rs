@@ -9,7 +9,10 @@ mod plant;
 mod presence;
 mod request;
 
-use std::time::Instant;
+use std::{
+    mem::{self, Discriminant},
+    time::Instant,
+};
 
 use mtj_model::scenario::Scenario;
 
@@ -68,12 +71,13 @@ pub enum Answer {
 
 /// Says what is wrong with the samples of others, once for each kind of fault.
 #[derive(Default)]
-struct Complaints(Vec<Fault>);
+struct Complaints(Vec<Discriminant<Fault>>);
 
 impl Complaints {
     fn once<S: Sample>(&mut self, fault: Fault) {
-        if !self.0.contains(&fault) {
-            self.0.push(fault);
+        let kind = mem::discriminant(&fault);
+        if !self.0.contains(&kind) {
+            self.0.push(kind);
             eprintln!(
                 "mtj: ignoring a {} sample: {} (said once, counted always)",
                 S::TOPIC,

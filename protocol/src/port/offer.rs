@@ -75,19 +75,19 @@ pub fn fetch_scenario(
     bus: &impl Bus,
     proceed: &dyn Fn() -> bool,
 ) -> Result<Option<Offered>, BusError> {
-    let mut complained = false;
+    let mut has_complained = false;
     let started = Instant::now();
     let mut is_waiting = false;
     while proceed() {
-        if !is_waiting && started.elapsed() > Duration::from_secs(2) {
+        if !is_waiting && !has_complained && started.elapsed() > Duration::from_secs(2) {
             is_waiting = true;
             eprintln!("mtj: there is no plant in this session yet; waiting for one");
         }
         match fetch(bus)? {
             Some(Ok(found)) => return Ok(Some(found)),
-            Some(Err(sentence)) if !complained => {
+            Some(Err(sentence)) if !has_complained => {
                 eprintln!("mtj: {sentence}");
-                complained = true;
+                has_complained = true;
             }
             _ => {}
         }
@@ -113,14 +113,14 @@ fn fetch(bus: &impl Bus) -> Result<Option<Result<Offered, String>>, BusError> {
 }
 
 fn accept(bytes: &[u8]) -> Result<Offered, String> {
-    let offer =
-        codec::decode_offer(bytes).ok_or("ignoring a scenario that could not be decoded")?;
-    if offer.version != VERSION {
-        return Err(format!(
-            "ignoring a scenario from a plant of another version; {}",
-            Fault::Version.sentence()
-        ));
+    let offer = codec::decode_offer(bytes);
+    // Another version may have laid out its offer in another way, too.
+    let version = offer.as_ref().map(|offer| offer.version).or_else(|| codec::version_of(bytes));
+    if let Some(other) = version.filter(|version| *version != VERSION) {
+        let sentence = Fault::Version(other).sentence();
+        return Err(format!("ignoring the plant's scenario: {sentence}"));
     }
+    let offer = offer.ok_or("ignoring a scenario that could not be decoded")?;
     let scenario = Scenario::parse(&offer.name, &offer.text, &[])
         .map_err(|error| format!("ignoring the plant's scenario: {error}"))?;
     Ok(Offered { run: offer.run, revision: offer.revision, scenario })

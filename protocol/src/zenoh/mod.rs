@@ -44,7 +44,7 @@ use crate::{
     codec::{self, LARGEST_SAMPLE},
     mailbox::{Mailbox, MailboxReader},
     member::{Member, Role},
-    sample::Sample,
+    sample::{Sample, VERSION},
 };
 
 /// How long to wait before trying to connect once more.
@@ -159,7 +159,7 @@ impl Bus for ZenohBus {
         let subscriber = self
             .session
             .declare_subscriber(self.key(S::TOPIC))
-            .callback(move |message| match codec::decode(&message.payload().to_bytes()) {
+            .callback(move |message| match codec::read(&message.payload().to_bytes()) {
                 Some(sample) => arrivals.put(sample),
                 None => arrivals.put_malformed(),
             })
@@ -197,9 +197,9 @@ impl Bus for ZenohBus {
         let mut other = None;
         while let Ok(Some(reply)) = replies.recv_deadline(end) {
             let Ok(sample) = reply.result() else { continue };
-            // Anybody may answer; what is no offer is the best there is only if nobody has one.
+            // Anybody may answer; what is no offer of our version counts only if nobody has one.
             let bytes = sample.payload().to_bytes().into_owned();
-            if codec::decode_offer(&bytes).is_some() {
+            if codec::decode_offer(&bytes).is_some_and(|offer| offer.version == VERSION) {
                 return Ok(Some(bytes));
             }
             other = Some(bytes);
