@@ -13,6 +13,7 @@ pub mod factor;
 pub mod mass;
 pub mod mb;
 pub mod mtj;
+pub mod tdc;
 pub mod tj;
 
 use nalgebra::{SMatrix, SVector};
@@ -197,6 +198,7 @@ register! {
     Tj(tj::TransposeJacobian),
     Mtj(mtj::ModifiedTransposeJacobian),
     Mb(mb::ModelBased),
+    Tdc(tdc::TimeDelay),
 }
 
 /// The law of this name.
