@@ -54,8 +54,7 @@ impl Tune {
         }
         let given_limit =
             self.torque_limit.as_deref().map(|text| torque_limit(text, &scenario)).transpose()?;
-        let link = &scenario.link;
-        let of_links = (link.state.latency + link.torque.latency).as_secs_f64();
+        let of_links = tune::mean_latency(&scenario)?;
         let shutdown = Shutdown::on_signals();
         let proceed = move || shutdown.proceed();
         let latency_s = match self.latency.as_deref() {
@@ -97,9 +96,7 @@ impl Tune {
             Override::text("bus.kind", "local"),
         ]);
         if wanted.sets_latency {
-            let latency = std::time::Duration::from_secs_f64(wanted.latency_s);
-            set.push(Override::text("link.state.latency", "0 s"));
-            set.push(Override::text("link.torque.latency", &duration::format(latency)));
+            set.extend(tune::links(&scenario, wanted, 1.0));
         }
         set.extend(proposal.values.overrides(&scenario));
         Ok(set)

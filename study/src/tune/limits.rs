@@ -4,13 +4,13 @@ use mtj_model::{
     arm::{Kinematics, planar::Configuration},
     for_axes, for_links,
     gains::Gains,
-    law::{Law, factor::Factor, mtj::ModifiedTransposeJacobian, tj::TransposeJacobian},
+    law::{Law, factor::Factor, mass::Mass, mtj::ModifiedTransposeJacobian, tj::TransposeJacobian},
     scenario::{Override, Scenario},
     task::{Tip, TrackingError},
 };
 use nalgebra::{SMatrix, SVector};
 
-use super::{MARGIN, Memory, Values, Wanted, trial, verify};
+use super::{MARGIN, Remedy, Values, Wanted, trial, verify};
 use crate::{
     failure::Failure,
     predict::{TRUST, linear::LinearLoop, path},
@@ -18,6 +18,8 @@ use crate::{
 
 /// Of K_d T_s/m < 2, which a held damping force needs, half is kept as a margin.
 const HELD_DAMPING: f64 = 1.0;
+/// The least K_d that is tried, over the largest that is allowed.
+const LEAST_GAIN: f64 = 1e-3;
 /// Initial errors are taken to be no smaller than this, m.
 const SMALLEST_ERROR: f64 = 0.01;
 
@@ -135,19 +137,25 @@ impl Arm {
         bound
     }
 
+    /// M̄ of a remedy, kg.
+    pub fn mass(&self, remedy: Remedy) -> Option<f64> {
+        remedy.mass_ratio.map(|ratio| ratio * self.masses.least)
+    }
+
     /// The loop on one mass at [`MARGIN`] times the latency.
-    fn linear(&self, kd: f64, mass: f64, k: f64, memory: Memory, wanted: &Wanted) -> LinearLoop<1> {
+    fn linear(&self, kd: f64, mass: f64, k: f64, remedy: Remedy, wanted: &Wanted) -> LinearLoop<1> {
         let gain = |gain| Gains::Diagonal(SVector::repeat(gain));
         let tj = TransposeJacobian { kp: gain(kd / wanted.time_constant_s), kd: gain(kd) };
+        let acceleration = self.mass(remedy).map(|mass| Mass::Constant(gain(mass)));
         let factor = Factor::constant(k);
         LinearLoop {
-            law: Law::Mtj(ModifiedTransposeJacobian { tj, factor, acceleration: None }),
+            law: Law::Mtj(ModifiedTransposeJacobian { tj, factor, acceleration }),
             mass,
             model_mass: mass,
             period: self.period,
             latency: MARGIN * wanted.latency_s,
-            memory: memory.policy,
-            predicts: memory.predicts,
+            memory: remedy.policy,
+            predicts: remedy.predicts,
         }
     }
 
@@ -159,30 +167,28 @@ impl Arm {
 
     /// Whether the loop is stable at [`MARGIN`] times the latency and at it, on the least and the
     /// largest mass, with k at [`Self::trust`].
-    fn stands(&self, kd: f64, memory: Memory, wanted: &Wanted) -> bool {
+    fn stands(&self, kd: f64, remedy: Remedy, wanted: &Wanted) -> bool {
         [self.masses.least, self.masses.most].into_iter().all(|mass| {
-            let far = self.linear(kd, mass, self.trust(wanted), memory, wanted);
+            let far = self.linear(kd, mass, self.trust(wanted), remedy, wanted);
             let near = LinearLoop { latency: wanted.latency_s, ..far };
             far.spectral_radius() < 1.0 && near.spectral_radius() < 1.0
         })
     }
 
-    /// The largest K_d, up to `most`, with which a memory stands the latency; or why none does. One
-    /// that may not be lowered must stand it at `most`.
-    pub fn gain_for_memory(
+    /// The largest K_d, up to `most`, with which a remedy stands the latency; or why none does.
+    pub fn gain_for_remedy(
         &self,
-        memory: Memory,
+        remedy: Remedy,
         wanted: &Wanted,
         most: f64,
-        may_lower: bool,
     ) -> Result<Bound<Option<String>>, String> {
-        if self.stands(most, memory, wanted) {
+        if self.stands(most, remedy, wanted) {
             return Ok(Bound { kd: most, reason: None });
         }
         let mut kd = most;
-        while may_lower && kd > most / 1e3 {
+        while kd > LEAST_GAIN * most {
             kd *= 0.97;
-            if self.stands(kd, memory, wanted) {
+            if self.stands(kd, remedy, wanted) {
                 let reason = Some(format!(
                     "latency: the linear loop must stand {MARGIN} x {:.3} ms on {:.2} to {:.2} kg",
                     wanted.latency_s * 1e3,
@@ -192,7 +198,7 @@ impl Arm {
                 return Ok(Bound { kd, reason });
             }
         }
-        let largest = match self.largest_latency(most, memory, wanted) {
+        let largest = match self.largest_latency(most, remedy, wanted) {
             Some(latency) => format!("stands {:.3} ms", latency * 1e3),
             None => "is not stable even without latency".to_owned(),
         };
@@ -203,11 +209,11 @@ impl Arm {
         ))
     }
 
-    /// The largest latency a memory stands, over the masses.
-    fn largest_latency(&self, kd: f64, memory: Memory, wanted: &Wanted) -> Option<f64> {
+    /// The largest latency a remedy stands, over the masses.
+    fn largest_latency(&self, kd: f64, remedy: Remedy, wanted: &Wanted) -> Option<f64> {
         let limits = [self.masses.least, self.masses.most].map(|mass| {
             let most = (10.0 * wanted.latency_s).max(0.05);
-            self.linear(kd, mass, self.trust(wanted), memory, wanted).largest_latency(most)
+            self.linear(kd, mass, self.trust(wanted), remedy, wanted).largest_latency(most)
         });
         limits[0].zip(limits[1]).map(|(a, b)| a.min(b))
     }
@@ -215,16 +221,28 @@ impl Arm {
     /// Why a memory was chosen, by its margin.
     pub fn explain_memory(&self, values: &Values, wanted: &Wanted) -> String {
         let stands = self
-            .largest_latency(values.kd, values.memory, wanted)
+            .largest_latency(values.kd, values.remedy, wanted)
             .map_or("no latency".to_owned(), |latency| format!("{:.3} ms", latency * 1e3));
-        format!("the linear loop stands {stands}; the latency is {:.3} ms", wanted.latency_s * 1e3)
+        let mass = match values.mass {
+            None => String::new(),
+            Some(mass) => format!(
+                "; M̄ = {mass} kg lies above {:.2} kg, which K_p asks for, and below {:.2} kg, twice the least \
+                 effective mass",
+                self.masses.most * (self.period + wanted.latency_s) / wanted.time_constant_s,
+                2.0 * self.masses.least
+            ),
+        };
+        format!(
+            "the linear loop stands {stands}; the latency is {:.3} ms{mass}",
+            wanted.latency_s * 1e3
+        )
     }
 
     /// 1 − k that the loop needs at [`MARGIN`] times the latency, on the worst mass.
     pub fn least_leak(&self, values: &Values, wanted: &Wanted) -> f64 {
         let is_stable = |leak: f64| {
             [self.masses.least, self.masses.most].into_iter().all(|mass| {
-                self.linear(values.kd, mass, 1.0 - leak, values.memory, wanted).spectral_radius()
+                self.linear(values.kd, mass, 1.0 - leak, values.remedy, wanted).spectral_radius()
                     < 1.0
             })
         };

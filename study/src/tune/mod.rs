@@ -10,10 +10,11 @@ pub mod print;
 pub mod verify;
 
 use mtj_model::scenario::{MemoryPolicy, Override, Scenario, duration};
+use mtj_plant::link::{Direction, Link};
 use serde::Serialize;
 use std::time::Duration;
 
-use crate::failure::Failure;
+use crate::{failure::Failure, sweep::lanes};
 use limits::Arm;
 use verify::Verification;
 
@@ -21,12 +22,20 @@ use verify::Verification;
 pub const MARGIN: f64 = 1.5;
 /// K_d is lowered by this factor from try to try.
 const LOWER: f64 = 0.85;
-/// How many values of K_d are simulated for a memory.
-const TRIES: usize = 12;
-/// e_max as multiples of the initial error, tried in turn.
-const THRESHOLDS: [f64; 3] = [30.0, 10.0, 3.0];
+/// How many values of K_d are tried for a remedy.
+const GAINS: usize = 8;
+/// How many of the best candidates are verified, at the most.
+const VERIFIED: usize = 40;
+/// How many that stand the test are enough to choose from.
+const ENOUGH: usize = 6;
+/// e_max as multiples of the initial error, tried in turn; the first makes k nearly one.
+const THRESHOLDS: [f64; 4] = [1000.0, 30.0, 10.0, 3.0];
 /// ė_max/e_max, 1/s: the paper's.
 const RATE_RATIO: f64 = 10.0;
+/// How many latencies are drawn for their mean.
+const DRAWS: usize = 4096;
+/// A simpler remedy is preferred if its error is at most this many times as large.
+const AS_GOOD: f64 = 1.05;
 
 /// What is wanted.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -42,23 +51,35 @@ pub struct Wanted {
     pub sets_latency: bool,
 }
 
-/// The memories in the order in which they are preferred: the simplest first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Memory {
+/// What makes the law stand latency: whose task force it remembers, and what it does besides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Remedy {
     /// Whose task force.
     pub policy: MemoryPolicy,
+    /// M̄ of eq. (11) over the least effective mass; `None` for eq. (16).
+    pub mass_ratio: Option<f64>,
     /// Whether the law aims a measured latency ahead.
     pub predicts: bool,
 }
 
-/// Every [`Memory`] that may be proposed.
-pub const MEMORIES: [Memory; 3] = [
-    Memory { policy: MemoryPolicy::Sent, predicts: false },
-    Memory { policy: MemoryPolicy::Delivered, predicts: false },
-    Memory { policy: MemoryPolicy::Delivered, predicts: true },
-];
+/// Ratios M̄/m that are tried: the inner loop of eq. (11) is stable below 2, and a small one stands little
+/// latency with the memory of what was sent and asks less of the actuator.
+const MASS_RATIOS: [f64; 6] = [1.4, 1.2, 1.0, 0.8, 0.5, 0.3];
 
-impl Memory {
+/// Every remedy that may be proposed, the simplest first.
+pub fn remedies() -> Vec<Remedy> {
+    let sent = Remedy { policy: MemoryPolicy::Sent, mass_ratio: None, predicts: false };
+    let delivered = Remedy { policy: MemoryPolicy::Delivered, ..sent };
+    let with_mass =
+        |remedy: Remedy| MASS_RATIOS.map(|ratio| Remedy { mass_ratio: Some(ratio), ..remedy });
+    let mut all = vec![sent, delivered];
+    all.extend(with_mass(sent));
+    all.extend(with_mass(delivered));
+    all.push(Remedy { predicts: true, ..delivered });
+    all
+}
+
+impl Remedy {
     /// The policy's name in scenarios.
     pub fn policy_name(self) -> &'static str {
         match self.policy {
@@ -69,11 +90,16 @@ impl Memory {
     }
 
     /// The name in print.
-    pub fn name(self) -> &'static str {
-        match (self.policy_name(), self.predicts) {
-            ("delivered", true) => "delivered, with prediction",
-            (name, _) => name,
-        }
+    pub fn name(self) -> String {
+        let besides = match (self.mass_ratio, self.predicts) {
+            (Some(_), true) => ", with eq. (11) and prediction",
+            (Some(_), false) => ", with eq. (11)",
+            (None, true) => ", with prediction",
+            (None, false) => "",
+        };
+        let at =
+            self.mass_ratio.map_or(String::new(), |ratio| format!(" at {ratio} x the least mass"));
+        format!("{}{besides}{at}", self.policy_name())
     }
 }
 
@@ -84,12 +110,14 @@ pub struct Values {
     pub kp: f64,
     /// N s/m.
     pub kd: f64,
+    /// M̄ of eq. (11), kg; `None` for eq. (16).
+    pub mass: Option<f64>,
     /// e_max, m.
     pub error: f64,
     /// ė_max, m/s.
     pub error_rate: f64,
-    /// Whose force is remembered, and whether the law aims ahead.
-    pub memory: Memory,
+    /// Whose force is remembered, and what else helps.
+    pub remedy: Remedy,
 }
 
 /// A verified proposal.
@@ -99,7 +127,7 @@ pub struct Proposal {
     pub values: Values,
     /// What limits K_d.
     pub gain_reason: String,
-    /// Why this memory.
+    /// Why this memory, and this mass.
     pub memory_reason: String,
     /// Why these thresholds.
     pub threshold_reason: String,
@@ -121,26 +149,53 @@ pub fn trial(
     multiple: f64,
     set: &[Override],
 ) -> Result<Scenario, Failure> {
-    let text = |seconds: f64| duration::format(Duration::from_secs_f64(seconds));
-    let link = &scenario.link;
-    let (state, torque) = match wanted.sets_latency {
-        true => (0.0, wanted.latency_s),
-        false => (link.state.latency.as_secs_f64(), link.torque.latency.as_secs_f64()),
-    };
     let mut all = vec![
         Override::text("timing.clock", "lockstep"),
         Override::value("safety.torque_limit", 1e9.into()),
-        Override::text("link.state.latency", &text(multiple * state)),
-        Override::text("link.torque.latency", &text(multiple * torque)),
     ];
+    all.extend(links(scenario, wanted, multiple));
     all.extend_from_slice(set);
     Ok(Scenario::parse(&scenario.name, scenario.text(), &all)?)
 }
 
+/// The settings of the links for a multiple of the wanted latency.
+///
+/// The links' own latencies, with their jitter and losses, are lengthened by a constant; a latency that is
+/// wanted instead of theirs, or none at all, takes their place.
+pub fn links(scenario: &Scenario, wanted: &Wanted, multiple: f64) -> Vec<Override> {
+    let text = |seconds: f64| duration::format(Duration::from_secs_f64(seconds));
+    if wanted.sets_latency || multiple == 0.0 {
+        let constant = |link: &str, latency: f64| {
+            let table = toml::Table::from_iter([("latency".to_owned(), text(latency).into())]);
+            Override::value(link, table.into())
+        };
+        let latency = multiple * wanted.latency_s;
+        return vec![constant("link.state", 0.0), constant("link.torque", latency)];
+    }
+    let own = scenario.link.torque.latency.as_secs_f64();
+    let longer = own + (multiple - 1.0) * wanted.latency_s;
+    vec![Override::text("link.torque.latency", &text(longer))]
+}
+
+/// The mean latency of a scenario's links, both directions together, s.
+pub fn mean_latency(scenario: &Scenario) -> Result<f64, Failure> {
+    let mean = |settings, direction| -> Result<f64, Failure> {
+        let mut link = Link::new(settings, direction, scenario.seed)?;
+        let arrived: Vec<f64> = (0..DRAWS)
+            .filter_map(|_| link.transit())
+            .map(|transit| transit.as_secs_f64())
+            .collect();
+        Ok(arrived.iter().sum::<f64>() / arrived.len().max(1) as f64)
+    };
+    let links = &scenario.link;
+    Ok(mean(&links.state, Direction::State)? + mean(&links.torque, Direction::Torque)?)
+}
+
 impl Values {
-    fn new(kd: f64, error: f64, memory: Memory, wanted: &Wanted) -> Self {
+    fn new(kd: f64, error: f64, remedy: Remedy, arm: &Arm, wanted: &Wanted) -> Self {
         let kp = kd / wanted.time_constant_s;
-        Self { kp, kd, error, error_rate: RATE_RATIO * error, memory }
+        let mass = arm.mass(remedy).map(round_down);
+        Self { kp, kd, mass, error, error_rate: RATE_RATIO * error, remedy }
     }
 
     /// The same as settings of a scenario.
@@ -149,16 +204,18 @@ impl Values {
             Override::text("law.kind", "mtj"),
             Override::value("law.kp", self.kp.into()),
             Override::value("law.kd", self.kd.into()),
+            Override::value("law.acceleration", self.mass.is_some().into()),
             Override::text("law.factor.kind", "exponential"),
             Override::value("law.factor.error", self.error.into()),
             Override::value("law.factor.error_rate", self.error_rate.into()),
             Override::value("law.factor.ceiling", 1.0.into()),
-            Override::text("law.memory.policy", self.memory.policy_name()),
+            Override::text("law.memory.policy", self.remedy.policy_name()),
         ];
-        if self.memory.predicts {
+        set.extend(self.mass.map(|mass| Override::value("law.mass", mass.into())));
+        if self.remedy.predicts {
             set.push(Override::text("law.prediction.horizon", "measured"));
         } else if scenario.law.prediction.is_some() {
-            set.push(Override::text("law.prediction.horizon", "0 s")); // As good as none.
+            set.push(Override::text("law.prediction.horizon", "none"));
         }
         set
     }
@@ -172,7 +229,21 @@ fn round_down(x: f64) -> f64 {
     if unit < 1.0 { digits / (1.0 / unit).round() } else { digits * unit.round() }
 }
 
-/// Finds the largest gains that satisfy all limits and stand the test.
+/// Values to try, and what limits their K_d.
+struct Candidate {
+    values: Values,
+    gain_reason: String,
+}
+
+/// A candidate that stands the test.
+struct Verified {
+    candidate: Candidate,
+    with_latency: Verification,
+    with_margin: Verification,
+}
+
+/// Searches remedies, gains and thresholds for the least error, verifies the best, and proposes the
+/// simplest of those that are nearly as good as the best of them.
 pub fn propose(
     scenario: &Scenario,
     wanted: &Wanted,
@@ -182,66 +253,126 @@ pub fn propose(
     arm.check_motion(wanted)?;
     let as_it_stands = verify::run(&trial(scenario, wanted, 1.0, &[])?, proceed)?;
     let mut given_up = Vec::new();
-    let mut last_problem = String::new();
-    for memory in MEMORIES {
-        let allowed = arm.gain_limit(wanted);
-        // The simpler memories must do at the full gain; the last one may cost some of it.
-        let is_last = memory.predicts;
-        let bound = match arm.gain_for_memory(memory, wanted, allowed.kd, is_last) {
+    let candidates = candidates(&arm, wanted, &mut given_up);
+    let ranked = rank(scenario, wanted, candidates, proceed)?;
+    let verified = verify_best(scenario, wanted, ranked, &mut given_up, proceed)?;
+    let rms = |of: &Verified| of.with_latency.rms();
+    let least = verified.iter().map(rms).fold(f64::INFINITY, f64::min);
+    let order = remedies();
+    let place = |of: &Verified| order.iter().position(|one| *one == of.candidate.values.remedy);
+    let is_as_good = |of: &Verified| rms(of) <= AS_GOOD * least;
+    let Some(best) = verified.into_iter().filter(is_as_good).min_by_key(place) else {
+        return Err(Failure::from(format!(
+            "none of the gains tried with K_d/K_p = {} s satisfies all limits; in the way at the last: {}",
+            wanted.time_constant_s,
+            given_up.last().map_or("nothing", String::as_str)
+        )));
+    };
+    let Candidate { values, gain_reason } = best.candidate;
+    Ok(Proposal {
+        memory_reason: arm.explain_memory(&values, wanted),
+        threshold_reason: arm.explain_thresholds(&values, wanted),
+        values,
+        gain_reason,
+        given_up,
+        verified: best.with_latency,
+        with_margin: best.with_margin,
+        as_it_stands,
+    })
+}
+
+/// All combinations of remedies, gains and thresholds that theory allows.
+fn candidates(arm: &Arm, wanted: &Wanted, given_up: &mut Vec<String>) -> Vec<Candidate> {
+    let allowed = arm.gain_limit(wanted);
+    let mut candidates = Vec::new();
+    for remedy in remedies() {
+        let bound = match arm.gain_for_remedy(remedy, wanted, allowed.kd) {
             Ok(bound) => bound,
             Err(reason) => {
-                given_up.push(format!("{}: {reason}", memory.name()));
-                last_problem = reason;
+                given_up.push(format!("{}: {reason}", remedy.name()));
                 continue;
             }
         };
-        let mut gain_reason = bound.reason.unwrap_or(allowed.reason);
-        let mut kd = bound.kd;
-        for _ in 0..TRIES {
-            let mut best: Option<(Values, Verification, Verification)> = None;
-            let mut problem = None;
-            for multiple in THRESHOLDS {
+        let limit = bound.reason.unwrap_or_else(|| allowed.reason.clone());
+        for step in 0..GAINS {
+            let kd = round_down(bound.kd * LOWER.powi(step as i32));
+            let gain_reason = match step {
+                0 => limit.clone(),
+                _ => format!("simulation: the best of the gains up to {}", round_down(bound.kd)),
+            };
+            candidates.extend(THRESHOLDS.map(|multiple| {
                 let error = round_down(multiple * arm.initial_error);
-                let values = Values::new(round_down(kd), error, memory, wanted);
-                let set = values.overrides(scenario);
-                let run = |latency| verify::run(&trial(scenario, wanted, latency, &set)?, proceed);
-                let (verified, with_margin) = (run(1.0)?, run(MARGIN)?);
-                if !proceed() {
-                    return Err(Failure::from("stopped before a proposal was verified".to_owned()));
-                }
-                match verified.problem(wanted, 1.0).or_else(|| with_margin.problem(wanted, MARGIN))
-                {
-                    Some(why) => problem = problem.or(Some(why)),
-                    None if best.as_ref().is_none_or(|(_, b, _)| verified.rms() < b.rms()) => {
-                        best = Some((values, verified, with_margin));
-                    }
-                    None => {}
-                }
-            }
-            if let Some((values, verified, with_margin)) = best {
-                return Ok(Proposal {
-                    memory_reason: arm.explain_memory(&values, wanted),
-                    threshold_reason: arm.explain_thresholds(&values, wanted),
-                    values,
-                    gain_reason,
-                    given_up,
-                    verified,
-                    with_margin,
-                    as_it_stands,
-                });
-            }
-            let why = problem.unwrap_or_default();
-            gain_reason = format!("simulation: with K_d = {} {why}", round_down(kd));
-            given_up.push(format!("{}, K_d = {}: {why}", memory.name(), round_down(kd)));
-            last_problem = why;
-            kd *= LOWER;
+                let values = Values::new(kd, error, remedy, arm, wanted);
+                Candidate { values, gain_reason: gain_reason.clone() }
+            }));
         }
     }
-    Err(Failure::from(format!(
-        "none of the gains tried with K_d/K_p = {} s satisfies all limits; in the way at the last: \
-         {last_problem}",
-        wanted.time_constant_s
-    )))
+    candidates
+}
+
+/// Simulates all candidates side by side; those that do not run away within the torque limit, the least
+/// error first.
+fn rank(
+    scenario: &Scenario,
+    wanted: &Wanted,
+    candidates: Vec<Candidate>,
+    proceed: &dyn Fn() -> bool,
+) -> Result<Vec<Candidate>, Failure> {
+    let auto = Override::text("timing.integration_step", "auto");
+    let scenarios = candidates
+        .iter()
+        .map(|candidate| {
+            let mut set = candidate.values.overrides(scenario);
+            set.push(auto.clone());
+            trial(scenario, wanted, 1.0, &set)
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    let mut errors = vec![f64::INFINITY; candidates.len()];
+    lanes::measure(&scenarios, proceed, &mut |number, measured| {
+        let Ok(report) = measured else { return };
+        let is_within = |(peak, limit): (&f64, &f64)| peak <= limit;
+        if report.peak_torque_nm.iter().zip(&wanted.torque_limit_nm).all(is_within) {
+            errors[number] = report.rms_error_m.unwrap_or(f64::INFINITY);
+        }
+    });
+    if !proceed() {
+        return Err(Failure::from("stopped before a proposal was verified".to_owned()));
+    }
+    let mut ranked: Vec<_> = errors.into_iter().zip(candidates).collect();
+    ranked.retain(|(error, _)| error.is_finite());
+    ranked.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    Ok(ranked.into_iter().map(|(_, candidate)| candidate).collect())
+}
+
+/// Verifies the best candidates with the latency and with [`MARGIN`] times it, until there are enough.
+fn verify_best(
+    scenario: &Scenario,
+    wanted: &Wanted,
+    ranked: Vec<Candidate>,
+    given_up: &mut Vec<String>,
+    proceed: &dyn Fn() -> bool,
+) -> Result<Vec<Verified>, Failure> {
+    let mut verified = Vec::new();
+    for candidate in ranked.into_iter().take(VERIFIED) {
+        if verified.len() == ENOUGH {
+            break;
+        }
+        let set = candidate.values.overrides(scenario);
+        let run = |latency| verify::run(&trial(scenario, wanted, latency, &set)?, proceed);
+        let (with_latency, with_margin) = (run(1.0)?, run(MARGIN)?);
+        if !proceed() {
+            return Err(Failure::from("stopped before a proposal was verified".to_owned()));
+        }
+        let problem = with_latency.problem(wanted, 1.0);
+        match problem.or_else(|| with_margin.problem(wanted, MARGIN)) {
+            None => verified.push(Verified { candidate, with_latency, with_margin }),
+            Some(why) => {
+                let Values { remedy, kd, .. } = candidate.values;
+                given_up.push(format!("{}, K_d = {kd}: {why}", remedy.name()));
+            }
+        }
+    }
+    Ok(verified)
 }
 
 #[cfg(test)]

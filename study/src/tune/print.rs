@@ -10,16 +10,19 @@ use super::{MARGIN, Proposal, Wanted, verify::Verification};
 /// The `[law]` tables to paste into a scenario.
 pub fn snippet(proposal: &Proposal) -> String {
     let v = &proposal.values;
-    let mut text = format!(
-        "[law]\nkind = \"mtj\"\nkp = {}\nkd = {}\n\n[law.factor]\nkind = \"exponential\"\nerror = {}\n\
-         error_rate = {}\nceiling = 1.0\n\n[law.memory]\npolicy = \"{}\"\n",
-        v.kp,
-        v.kd,
+    let mut text = format!("[law]\nkind = \"mtj\"\nkp = {}\nkd = {}\n", v.kp, v.kd);
+    if let Some(mass) = v.mass {
+        let _ = write!(text, "acceleration = true\nmass = {mass}\n");
+    }
+    let _ = write!(
+        text,
+        "\n[law.factor]\nkind = \"exponential\"\nerror = {}\nerror_rate = {}\nceiling = 1.0\n\n\
+         [law.memory]\npolicy = \"{}\"\n",
         v.error,
         v.error_rate,
-        v.memory.policy_name()
+        v.remedy.policy_name()
     );
-    if v.memory.predicts {
+    if v.remedy.predicts {
         text.push_str("\n[law.prediction]\nhorizon = \"measured\"\n");
     }
     text
@@ -50,9 +53,15 @@ pub fn table(proposal: &Proposal, wanted: &Wanted, limit_source: &str) -> String
     let lines = [
         ("wanted", format!("K_d/K_p = {} s", wanted.time_constant_s), String::new()),
         ("torque limit", torques(&wanted.torque_limit_nm), limit_source.to_owned()),
+        (
+            "latency",
+            format!("{:.3} ms", wanted.latency_s * 1e3),
+            "sample to application, on average".to_owned(),
+        ),
         ("K_d", format!("{} N s/m", v.kd), proposal.gain_reason.clone()),
         ("K_p", format!("{} N/m", v.kp), "K_d over the time constant".to_owned()),
-        ("memory", v.memory.name().to_owned(), proposal.memory_reason.clone()),
+        ("M̄ of (11)", v.mass.map_or("none".to_owned(), |mass| format!("{mass} kg")), String::new()),
+        ("memory", v.remedy.name(), proposal.memory_reason.clone()),
         (
             "thresholds",
             format!("{} m, {} m/s", v.error, v.error_rate),
@@ -107,8 +116,9 @@ pub fn object(proposal: &Proposal, wanted: &Wanted, source: &str, command: &str)
         "kd": v.kd,
         "error": v.error,
         "error_rate": v.error_rate,
-        "memory": v.memory.policy_name(),
-        "predicts": v.memory.predicts,
+        "memory": v.remedy.policy_name(),
+        "predicts": v.remedy.predicts,
+        "mass": v.mass,
         "limits": {
             "gain": proposal.gain_reason,
             "memory": proposal.memory_reason,
