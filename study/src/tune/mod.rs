@@ -25,9 +25,9 @@ const LOWER: f64 = 0.85;
 /// How many values of K_d are tried for a remedy.
 const GAINS: usize = 8;
 /// How many of the best candidates are verified, at the most.
-const VERIFIED: usize = 40;
+const VERIFIED: usize = 64;
 /// How many that stand the test are enough to choose from.
-const ENOUGH: usize = 6;
+const ENOUGH: usize = 16;
 /// e_max as multiples of the initial error, tried in turn; the first makes k nearly one.
 const THRESHOLDS: [f64; 4] = [1000.0, 30.0, 10.0, 3.0];
 /// ė_max/e_max, 1/s: the paper's.
