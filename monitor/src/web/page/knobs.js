@@ -96,7 +96,10 @@ function control({ key, label, form, words, unit, help }, choices = words.map((w
     name.htmlFor = id;
   }
   if (form !== "choice") element.append(field(id, unit));
-  element.classList.toggle("either", isChoice && form !== "choice");
+  if (form !== "choice" && isChoice) {
+    element.classList.add("either");
+    Object.assign(element.querySelector(".number input"), { placeholder: "other", ariaLabel: label });
+  }
   Object.assign(element.dataset, { key, form });
   element.title = help;
   return element;
