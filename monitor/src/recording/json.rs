@@ -81,7 +81,7 @@ fn read_sample<S: Sample>(json: &[u8]) -> Result<S, String> {
     accepted.map_err(|fault| other_version(json).unwrap_or(fault))
 }
 
-/// Whether that is why a sample could not be read: other versions have other fields.
+/// Says so if a sample is of another protocol version, whose fields are others.
 fn other_version(json: &[u8]) -> Option<String> {
     #[derive(Deserialize)]
     struct Headed {

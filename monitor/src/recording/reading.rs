@@ -89,3 +89,28 @@ impl Iterator for Recording {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use mtj_protocol::sample::{Header, StateSample};
+
+    use super::*;
+    use crate::recording::file::RecordingFile;
+
+    #[test]
+    fn a_recording_of_another_protocol_version_is_refused_in_one_sentence() {
+        let path = std::env::temp_dir().join(format!("mtj-version-{}.mcap", std::process::id()));
+        let mut file = RecordingFile::begin(File::create(&path).unwrap(), BTreeMap::new()).unwrap();
+        let header = Header { version: 3, joints: 2, axes: 2, ..Header::default() };
+        let state = StateSample { header, ..Default::default() };
+        file.write(0, &Message::State(state)).unwrap();
+        file.finish().unwrap();
+        let sentence = Recording::open(&path).unwrap().next().unwrap().unwrap_err();
+        std::fs::remove_file(&path).unwrap();
+        let expected = "message 0 of /mtj/state cannot be read: it has protocol version 3, and this \
+                        program reads version 4";
+        assert_eq!(sentence, format!("{}: {expected}", path.display()));
+    }
+}

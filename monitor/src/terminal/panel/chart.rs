@@ -1,5 +1,6 @@
 //! Numbers over time.
 
+use mtj_model::law::Signal;
 use ratatui::{
     buffer::Buffer,
     layout::Rect,
@@ -11,7 +12,10 @@ use ratatui::{
 use super::Picture;
 use crate::{
     overview::gauge,
-    terminal::{palette::Ink, track::Track},
+    terminal::{
+        palette::Ink,
+        track::{Range, Track},
+    },
 };
 
 /// Below this an error is drawn as this: a logarithm has no zero. m.
@@ -45,30 +49,13 @@ pub fn error(picture: &Picture, area: Rect, buf: &mut Buffer) {
 
 /// The law's gauge: the first of its signals that has a range.
 pub fn signal(picture: &Picture, area: Rect, buf: &mut Buffer) {
-    let overview = &picture.view.overview;
-    let law = overview.law();
-    let now = law.and_then(gauge);
+    let now = picture.view.overview.law().and_then(gauge);
     let shown = now.or(picture.view.gauged);
     let [from, to] = window(picture);
     let range = picture.view.gauge.range(from, to);
-    let numbers = now.and_then(|signal| overview.error.as_ref()?.signal(signal.key));
-    let right = match (law, numbers) {
-        (_, Some(numbers)) => {
-            let numbers: Vec<_> = numbers.iter().map(|number| format!("{number:.3}")).collect();
-            let lowest = range.map_or(String::new(), |range| format!("  lowest {:.3}", range.min));
-            Line::from(vec![
-                picture.ink(numbers.join(" "), Ink::Well),
-                picture.ink(lowest, Ink::Faint),
-            ])
-        }
-        (Some(law), None) if now.is_none() => {
-            Line::from(picture.ink(format!("{} has none", law.name), Ink::Faint))
-        }
-        _ => Line::default(),
-    };
     let title =
         shown.map_or("Signal".to_owned(), |signal| format!("{} {}", signal.title, signal.symbol));
-    let area = picture.rule(&title, right, area, buf);
+    let area = picture.rule(&title, reading(picture, now, range), area, buf);
     let [low, high] = shown.and_then(|signal| signal.range).unwrap_or([0.0, 1.0]);
     let (low, high) = range.map_or((low, high), |range| (low.min(range.min), high.max(range.max)));
     // Room at both ends, so that a line along one of them is seen.
@@ -80,6 +67,22 @@ pub fn signal(picture: &Picture, area: Rect, buf: &mut Buffer) {
         labels: [low, high].map(super::figure).to_vec(),
     };
     plot.paint(picture, area, buf);
+}
+
+/// The newest numbers of a gauge and the lowest in the time of the charts, or that the law has none.
+fn reading<'a>(picture: &Picture, gauge: Option<&Signal>, range: Option<Range>) -> Line<'a> {
+    let overview = &picture.view.overview;
+    let Some(gauge) = gauge else {
+        let none = overview.law().map(|law| format!("{} has none", law.name));
+        return picture.ink(none.unwrap_or_default(), Ink::Faint).into();
+    };
+    let newest = overview.error.as_ref().and_then(|error| error.signal(gauge.key));
+    let (Some(newest), Some(range)) = (newest, range) else { return Line::default() };
+    let newest: Vec<_> = newest.iter().map(|number| format!("{number:.3}")).collect();
+    Line::from(vec![
+        picture.ink(newest.join(" "), Ink::Well),
+        picture.ink(format!("  lowest {:.3}", range.min), Ink::Faint),
+    ])
 }
 
 /// The time that the charts show: it fills from the left, then moves on.

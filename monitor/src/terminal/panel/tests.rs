@@ -195,6 +195,16 @@ fn a_roomy_screen_shows_all_the_rest() {
 }
 
 #[test]
+fn a_law_without_signals_has_no_chart_of_them() {
+    let mut view = two_seconds(&[]);
+    let law = text("tj");
+    view.hear(&Message::Error(ErrorSample { header: header(201), law, ..Default::default() }));
+    let screen = draw(&view, 120, 40);
+    assert_shows(&screen, &["law tj", "Regulating factor k", "tj has none", "Q̂ N", "12.5"]);
+    assert!(!screen.contains("h N") && !screen.contains("memory sent"), "{screen}");
+}
+
+#[test]
 fn the_point_of_the_arm_is_where_the_tip_is() {
     let view = two_seconds(&[]);
     let buffer = draw_with(&view, 120, 40, |_| {});

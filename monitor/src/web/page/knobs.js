@@ -83,7 +83,7 @@ function field(id, unit) {
 }
 
 /** The control of a parameter as the monitor describes it. */
-function control({ key, label, form, words, unit, help }, choices = words.map((word) => radio(key, word))) {
+function control({ key, label, form, words, unit, default: usual, help }, choices = words.map((word) => radio(key, word))) {
   const id = key.replaceAll(".", "-");
   const isChoice = choices.length > 0;
   const name = create(isChoice ? "span" : "label", isChoice ? "label" : "", ...subscripted(label));
@@ -96,9 +96,12 @@ function control({ key, label, form, words, unit, help }, choices = words.map((w
     name.htmlFor = id;
   }
   if (form !== "choice") element.append(field(id, unit));
-  element.classList.toggle("either", isChoice && form !== "choice");
+  if (form !== "choice" && isChoice) {
+    element.classList.add("either");
+    Object.assign(element.querySelector(".number input"), { placeholder: "other", ariaLabel: label });
+  }
   Object.assign(element.dataset, { key, form });
-  element.title = help;
+  element.title = usual ? `${help} Default: ${usual}.` : help;
   return element;
 }
 
