@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use mtj_model::{MAX_AXES, MAX_JOINTS, PLANE};
+use mtj_model::{PLANE, law, scenario::Scenario, task::Axis};
 use mtj_protocol::sample::{Echo, Joints};
 
 /// What was true at one sampling instant. Nothing in it depends on wall time, unless the run does.
@@ -32,19 +32,23 @@ impl Row {
 }
 
 /// Writes rows as CSV with a header line; numbers are printed so that they read back exactly.
-pub fn write_csv(out: &mut impl Write, joints: usize, rows: &[Row]) -> io::Result<()> {
-    let joints = joints.min(MAX_JOINTS);
-    let axes = PLANE.min(MAX_AXES);
-    let numbered =
-        |name: &str, count| (1..=count).map(|i| format!(",{name}{i}")).collect::<String>();
-    writeln!(
-        out,
-        "time_s{}{},x_m,y_m,x_desired_m,y_desired_m,error_x_m,error_y_m{}{}",
-        numbered("q_rad_", joints),
-        numbered("q_dot_rad_s_", joints),
-        numbered("torque_nm_", joints),
-        numbered("force_n_", axes),
-    )?;
+pub fn write_csv(out: &mut impl Write, scenario: &Scenario, rows: &[Row]) -> io::Result<()> {
+    let (joints, axes) = (scenario.arm.links.len(), scenario.task.axes);
+    let echo = law::find(scenario.law.kind.name()).map(|law| &law.echo);
+    let echoed = echo.map_or(0, |echo| echo.per.count(joints, axes.len()));
+    write!(out, "time_s")?;
+    numbered(out, "q", "rad", joints)?;
+    numbered(out, "q_dot", "rad/s", joints)?;
+    for (before, after) in [("", ""), ("", "_desired"), ("error_", "")] {
+        for Axis { name, unit } in axes {
+            write!(out, ",{before}{name}{after}_{}", in_a_name(unit))?;
+        }
+    }
+    numbered(out, "torque", "N m", joints)?;
+    if let Some(echo) = echo {
+        numbered(out, echo.key, echo.unit, echoed)?;
+    }
+    writeln!(out)?;
     for row in rows {
         write!(out, "{}", row.time)?;
         let lists: [&[f64]; 7] = [
@@ -54,7 +58,7 @@ pub fn write_csv(out: &mut impl Write, joints: usize, rows: &[Row]) -> io::Resul
             &row.desired,
             &row.error(),
             &row.torque[..joints],
-            &row.echo[..axes],
+            &row.echo[..echoed],
         ];
         for number in lists.into_iter().flatten() {
             write!(out, ",{number}")?;
@@ -62,4 +66,14 @@ pub fn write_csv(out: &mut impl Write, joints: usize, rows: &[Row]) -> io::Resul
         writeln!(out)?;
     }
     Ok(())
+}
+
+/// The titles of so many columns.
+fn numbered(out: &mut impl Write, name: &str, unit: &str, count: usize) -> io::Result<()> {
+    (1..=count).try_for_each(|i| write!(out, ",{name}_{}_{i}", in_a_name(unit)))
+}
+
+/// A unit as names of columns have it: `nm` for N m, `rad_s` for rad/s.
+fn in_a_name(unit: &str) -> String {
+    unit.to_lowercase().replace(' ', "").replace('/', "_")
 }

@@ -5,7 +5,7 @@ use mtj_controller::{
     responder::{Recollection, Responder, Response, is_singular},
 };
 use mtj_model::{PLANE, arm::Posture, lanes::Lanes, scenario::Scenario};
-use mtj_plant::{dormand_prince::DormandPrince, ledger::Ledger, simulator::RUNAWAY};
+use mtj_plant::dormand_prince::DormandPrince;
 use mtj_protocol::sample::padded;
 use nalgebra::SVector;
 
@@ -28,7 +28,6 @@ pub struct Flock<'a, 'b, T, const N: usize> {
     previous: Tip<T>,
     has_noise: bool,
     predicts: bool,
-    ledger: Ledger,
 }
 
 /// A lane's place.
@@ -58,7 +57,6 @@ impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
             previous: Tip::unknown(),
             has_noise: first.noise > 0.0,
             predicts: first.law.prediction.is_some(),
-            ledger: Ledger::new(),
             queue,
         };
         flock.run();
@@ -133,10 +131,10 @@ impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
     /// A lane's arm has come to the event it was moving to; returns whether that was its last.
     #[inline(always)]
     fn reach(&mut self, lane: usize) -> bool {
-        let has_diverged = self.has_diverged(lane);
+        let velocity = numbers(&self.arms.velocity, lane);
         let place = &mut self.loops[lane];
         let Some(this) = &mut place.lane else { return false };
-        this.diverged = has_diverged;
+        this.observe(&velocity);
         loop {
             match this.event {
                 Event::Sample => {
@@ -148,7 +146,7 @@ impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
                     if let Some(torque) = this.arrive() {
                         put(&mut self.arms.torque, lane, &torque);
                     }
-                    if this.diverged {
+                    if this.has_diverged() {
                         break;
                     }
                 }
@@ -163,18 +161,13 @@ impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
         true
     }
 
-    fn has_diverged(&self, lane: usize) -> bool {
-        // Written so that a NaN counts as diverged.
-        !(0..N).all(|joint| self.arms.velocity[joint].get(lane).abs() < RUNAWAY)
-    }
-
     #[inline(never)]
     fn end(&mut self, lane: usize) {
         let energy = self.arms.energy.get(lane);
         let place = &mut self.loops[lane];
         place.is_waiting = false;
         if let Some(mut lane) = place.lane.take() {
-            let report = lane.report(energy, &mut self.ledger);
+            let report = lane.report(energy);
             (self.queue.hand_in)(lane.number, Some(report));
         }
         self.arms.remaining.set(lane, 0.0);
@@ -205,7 +198,7 @@ impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
             let place = &mut self.loops[lane];
             let Some(this) = place.lane.as_mut().filter(|_| place.is_waiting) else { continue };
             all.time.set(lane, this.time_ns as f64 * 1e-9);
-            if this.diverged {
+            if this.has_diverged() {
                 continue;
             }
             let Sample { recalled, horizon, delivered_ns } = this.sample();
@@ -267,7 +260,7 @@ impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
         let delivered_ns = place.delivered_ns.take();
         let Some(this) = &mut place.lane else { return false };
         this.note_error(squared_error);
-        if this.diverged {
+        if this.has_diverged() {
             self.end(lane);
             return true;
         }
@@ -283,7 +276,6 @@ impl<'a, 'b, T: Lanes, const N: usize> Flock<'a, 'b, T, N> {
                 put(&mut self.arms.torque, lane, &torque);
             }
         }
-        this.end_sample();
         let span = this.look_ahead();
         if span > 0.0 {
             self.arms.remaining.set(lane, span);
