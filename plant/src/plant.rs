@@ -324,7 +324,7 @@ impl<'a, C: Clock> Plant<'a, C> {
             let change = match self.answers.to(&request) {
                 Some(change) => change,
                 None => {
-                    let mut target = Between { plant: self, time_ns };
+                    let mut target = BeforeSample { plant: self, time_ns };
                     let outcome = request::carry_out(&request, &mut target)?;
                     let sequence = self.sequencer.next_sequence();
                     let header = Header { time_ns, sequence, ..self.header };
@@ -404,12 +404,12 @@ impl<'a, C: Clock> Plant<'a, C> {
 }
 
 /// A plant just before the sample at an instant.
-struct Between<'p, 'a, C> {
+struct BeforeSample<'p, 'a, C> {
     plant: &'p mut Plant<'a, C>,
     time_ns: u64,
 }
 
-impl<C: Clock> Changeable for Between<'_, '_, C> {
+impl<C: Clock> Changeable for BeforeSample<'_, '_, C> {
     fn scenario(&self) -> &Scenario {
         &self.plant.scenario
     }

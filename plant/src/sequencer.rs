@@ -1,7 +1,7 @@
 //! The rules of the loop, as a state machine without clock, transport and arm.
 //!
-//! The plant's event loop drives one [`Sequencer`], each lane of a sweep another. Whoever drives it
-//! calls it in order of time, and at one instant in the order of [`crate::agenda`].
+//! The plant's event loop drives one [`Sequencer`], each lane of a sweep another. It is to be called in
+//! order of time, and at one instant in the order of [`crate::agenda`].
 //!
 //! - **Meeting.** The first state is never lost on its link, because the two ends must meet.
 //! - **Overtaking.** A state is not handed over if a newer one was; a command does not take effect if a
@@ -11,7 +11,7 @@
 //!   take effect, and a timeout ends the hold.
 //! - **Counting.** A state counts as sent when it is handed over, its command as lost, rejected or applied
 //!   when that happens.
-//! - **Divergence.** A joint speed of [`RUNAWAY`] or more, or none at all, ends a run.
+//! - **Divergence.** A joint speed of [`RUNAWAY`] or more, or one that is not a number, ends a run.
 
 use std::time::Duration;
 
@@ -208,8 +208,8 @@ impl<const N: usize, const E: usize> Sequencer<N, E> {
         self.commands.lost += commands;
     }
 
-    /// Counts an answer by how long it took, ns.
-    pub fn time(&mut self, round_trip_ns: u64) {
+    /// Counts an answer as late if its round trip took longer than a sample period.
+    pub fn note_round_trip(&mut self, round_trip_ns: u64) {
         self.commands.late += u64::from(round_trip_ns > self.period_ns);
     }
 

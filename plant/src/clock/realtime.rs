@@ -33,7 +33,7 @@ impl Realtime {
     /// Counts the torque that was received last, and the states before the one that it answers.
     fn count_answer(&mut self, peer: &mut Peer<'_>, sequencer: &mut Sequencer) {
         peer.note_round_trip();
-        sequencer.time(peer.round_trip_ns());
+        sequencer.note_round_trip(peer.round_trip_ns());
         let answered = peer.torque().header.sequence;
         while let Some((sequence, _)) = self.unanswered.front().copied()
             && sequence <= answered

@@ -147,7 +147,7 @@ impl<'s, const N: usize> Lane<'s, N> {
     /// Takes a sample.
     #[inline(always)]
     pub fn sample(&mut self) -> Sample {
-        self.hand_over(self.time_ns + 1);
+        self.hand_over_before(self.time_ns + 1);
         self.sequence = self.sequencer.sample(self.time_ns);
         let latency_ns = self.sequencer.actuator().latency_ns();
         let horizon = prediction::horizon(self.scenario.law.prediction, latency_ns);
@@ -234,9 +234,12 @@ impl<'s, const N: usize> Lane<'s, N> {
                 self.send(arrives_ns, command);
             }
         }
-        self.undelivered.push_back((delivered_ns, sequence, departure));
         // The first is handed over before the clock starts.
-        self.hand_over(if sequence == 0 { u64::MAX } else { self.time_ns + 1 });
+        if delivered_ns > self.time_ns && sequence > 0 {
+            self.undelivered.push_back((delivered_ns, sequence, departure));
+        } else {
+            self.hand_over(sequence, departure);
+        }
         effect
     }
 
@@ -245,23 +248,27 @@ impl<'s, const N: usize> Lane<'s, N> {
         self.under_way.insert(place.map_or(0, |place| place + 1), (arrives_ns, command));
     }
 
-    /// Hands over, and counts, what reaches the controller before `time_ns`.
     #[inline(always)]
-    fn hand_over(&mut self, time_ns: u64) {
+    fn hand_over(&mut self, sequence: u64, departure: Departure) {
+        let is_handed_over = self.sequencer.hand_over(sequence);
+        debug_assert!(is_handed_over, "an overtaken state is not answered");
+        self.sequencer.count(departure);
+    }
+
+    /// Hands over what reaches the controller before `time_ns`.
+    fn hand_over_before(&mut self, time_ns: u64) {
         while let Some((delivered_ns, sequence, departure)) = self.undelivered.front().copied()
             && delivered_ns < time_ns
         {
             self.undelivered.pop_front();
-            let is_handed_over = self.sequencer.hand_over(sequence);
-            debug_assert!(is_handed_over, "an overtaken state is not answered");
-            self.sequencer.count(departure);
+            self.hand_over(sequence, departure);
         }
     }
 
     /// The measures of a run that ended with this event, after so much work, J.
     pub fn report(&mut self, energy: f64) -> Report {
         // At the same instant a state is handed over after commands and before samples.
-        self.hand_over(self.time_ns + u64::from(self.event == Event::Sample));
+        self.hand_over_before(self.time_ns + u64::from(self.event == Event::Sample));
         self.measures.report(self.scenario, &self.sequencer, self.time_ns, energy)
     }
 }
