@@ -8,7 +8,30 @@ use mtj_model::{
 };
 use mtj_protocol::sample::TorqueSample;
 
-use crate::simulator::Drive;
+use crate::engine::Drive;
+
+/// A torque on its way to the arm, with what the law hands over beside it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Command<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
+    /// Number of the sample that it answers.
+    pub sequence: u64,
+    /// When that was taken, ns.
+    pub sampled_ns: u64,
+    /// N m.
+    pub torque: [f64; N],
+    /// To be held with the torque, and scaled with it.
+    pub echo: [f64; E],
+    /// How many numbers of the echo are meant.
+    pub echo_count: u64,
+}
+
+impl From<&TorqueSample> for Command {
+    fn from(sample: &TorqueSample) -> Self {
+        let TorqueSample { header, torque, echo, echo_count, .. } = *sample;
+        let (sequence, sampled_ns) = (header.sequence, header.time_ns);
+        Self { sequence, sampled_ns, torque, echo, echo_count }
+    }
+}
 
 /// Holds the last command, of `N` joints and an echo of `E` numbers, and remembers what it has delivered.
 #[derive(Clone, Debug)]
@@ -29,18 +52,6 @@ pub struct Actuator<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
     latency_ns: u64,
     commands: u64,
     has_timed_out: bool,
-}
-
-impl Actuator {
-    /// Puts a command into effect at `time_ns`, unless a newer one is in effect already.
-    pub fn apply(&mut self, command: &TorqueSample, time_ns: u64) -> bool {
-        let TorqueSample { header, torque, echo, echo_count, .. } = command;
-        let is_applied = self.hold(header.sequence, header.time_ns, torque, echo, time_ns);
-        if is_applied {
-            self.echo_count = *echo_count;
-        }
-        is_applied
-    }
 }
 
 impl<const N: usize, const E: usize> Actuator<N, E> {
@@ -70,21 +81,14 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         self.history.reserve(memory_samples(scenario));
     }
 
-    /// Puts the command into effect at `time_ns` that answers the sample of this number, taken at
-    /// `sampled_ns`, unless a newer one is in effect already.
+    /// Puts a command into effect at `time_ns`, unless a newer one is in effect already.
     ///
     /// A torque over a joint's limit is scaled down with all others and with the echo: the
     /// direction at the tip stays, and what is echoed is what was in effect.
     #[inline(always)]
-    pub fn hold(
-        &mut self,
-        sequence: u64,
-        sampled_ns: u64,
-        torque: &[f64; N],
-        echo: &[f64; E],
-        time_ns: u64,
-    ) -> bool {
-        if self.newest.is_some_and(|newest| sequence <= newest) {
+    pub fn apply(&mut self, command: &Command<N, E>, time_ns: u64) -> bool {
+        let Command { sequence, sampled_ns, torque, echo, echo_count } = command;
+        if self.newest.is_some_and(|newest| *sequence <= newest) {
             return false;
         }
         let mut scale = 1.0;
@@ -92,8 +96,8 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
             scale = f64::min(scale, limit / torque.abs());
         }
         self.integrate(time_ns);
-        self.newest = Some(sequence);
-        self.latency_ns = time_ns.saturating_sub(sampled_ns);
+        self.newest = Some(*sequence);
+        self.latency_ns = time_ns.saturating_sub(*sampled_ns);
         // What was rounded up is not over the limit either.
         let mut held = [0.0; N];
         for ((held, torque), limit) in held.iter_mut().zip(torque).zip(&self.limit) {
@@ -103,6 +107,7 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         for (held, echo) in self.echo.iter_mut().zip(echo) {
             *held = echo * scale;
         }
+        self.echo_count = *echo_count;
         self.commands += 1;
         self.has_timed_out = false;
         true

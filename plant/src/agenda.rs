@@ -2,17 +2,19 @@
 
 use std::{cmp::Ordering, collections::BinaryHeap};
 
-use mtj_protocol::sample::{StateSample, TorqueSample};
+use mtj_protocol::sample::StateSample;
+
+use crate::actuator::Command;
 
 /// Something that happens at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
     /// A command leaves the torque link and takes effect.
-    Arrive(TorqueSample),
-    /// No fresh command has come since the one with this count.
+    Arrive(Command),
+    /// The command timeout is over if no more than this number of commands have come into effect.
     Timeout(u64),
-    /// The kick with this number ends.
-    Calm(u64),
+    /// The disturbance with this number ends.
+    Undisturbed(u64),
     /// A state leaves the state link and goes to the controller.
     Deliver(StateSample),
     /// The state is measured.
@@ -26,7 +28,7 @@ impl Event {
         match self {
             Self::Arrive(_) => 0,
             Self::Timeout(_) => 1,
-            Self::Calm(_) => 2,
+            Self::Undisturbed(_) => 2,
             Self::Deliver(_) => 3,
             Self::Sample => 4,
         }
@@ -113,22 +115,25 @@ impl Ord for Entry {
 
 #[cfg(test)]
 mod tests {
+    use mtj_protocol::sample::TorqueSample;
+
     use super::*;
 
     #[test]
     fn events_come_by_time_then_rank_then_age() {
+        let command = Command::from(&TorqueSample::default());
         let mut agenda = Agenda::new();
         agenda.push(5, Event::Sample);
         agenda.push(5, Event::Timeout(1));
         agenda.push(5, Event::Timeout(2));
-        agenda.push(5, Event::Arrive(TorqueSample::default()));
+        agenda.push(5, Event::Arrive(command));
         agenda.push(3, Event::Sample);
         let order: Vec<_> = std::iter::from_fn(|| agenda.pop()).collect();
         assert_eq!(
             order,
             [
                 (3, Event::Sample),
-                (5, Event::Arrive(TorqueSample::default())),
+                (5, Event::Arrive(command)),
                 (5, Event::Timeout(1)),
                 (5, Event::Timeout(2)),
                 (5, Event::Sample),

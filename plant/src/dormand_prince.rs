@@ -5,7 +5,7 @@
 //! result; the difference of the two is the estimated error of a step. Each lane has its own time, its
 //! own steps and its own bound.
 //!
-//! The scalar reference is [`crate::simulator`].
+//! The scalar reference is [`crate::engine`].
 
 use mtj_model::{arm::Arm, lanes::Lanes};
 use nalgebra::SVector;

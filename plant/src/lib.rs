@@ -1,25 +1,28 @@
-//! The simulated arm, and the agenda that decides what happens when.
+//! The plant: an engine that moves an arm, and all that stands between it and a controller.
 //!
 //! ```text
 //! agenda ──Sample──▶ sensor ──▶ state link ──Deliver──▶ exchange ──▶ (a controller, somewhere)
 //!        ◀─Arrive── torque link ◀──────────────────────────┘
-//! actuator holds ──▶ simulator integrates to the next event
+//! actuator holds ──▶ engine integrates to the next event
 //! ```
+//!
+//! [`plant`] is the loop of events, [`sequencer`] its rules, `clock` what waiting means.
 
 pub mod actuator;
 pub mod agenda;
-pub mod clock;
+mod clock;
 pub mod direct;
 pub mod dormand_prince;
 pub mod durations;
-mod knobs;
-pub mod ledger;
+pub mod engine;
 pub mod link;
 pub mod options;
+mod peer;
 pub mod plant;
 pub mod report;
+mod request;
 pub mod sensor;
-pub mod simulator;
+pub mod sequencer;
 pub mod summary;
 pub mod trace;
-mod turning;
+mod tracking;

@@ -89,6 +89,11 @@ impl Link {
         })
     }
 
+    /// The latency that the settings name.
+    pub fn latency(&self) -> Duration {
+        self.latency
+    }
+
     /// How long the next message travels; `None` if it is lost. A lost one draws a latency all the
     /// same, so that the losses do not change the latencies of the others.
     #[inline]

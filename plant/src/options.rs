@@ -88,14 +88,14 @@ impl OutputOptions {
         self.print(&outcome.report)?;
         let (Some(file), Some(path)) = (trace, &self.trace) else { return Ok(()) };
         let mut out = BufWriter::new(file);
-        trace::write_csv(&mut out, scenario.arm.links.len(), &outcome.trace)
-            .and_then(|()| out.flush())
-            .map_err(|error| {
+        trace::write_csv(&mut out, scenario, &outcome.trace).and_then(|()| out.flush()).map_err(
+            |error| {
                 io::Error::new(
                     error.kind(),
                     format!("--trace {}: {error}; the run's measures are complete", path.display()),
                 )
-            })
+            },
+        )
     }
 
     /// Writes the measures to standard output.

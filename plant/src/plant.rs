@@ -1,34 +1,37 @@
-//! The loop of the plant: one queue of events, and a clock that says what waiting means.
+//! The loop of the plant: events in order of time, each handled by the loop's rules.
 
 use std::time::{Duration, Instant};
 
-use mtj_model::scenario::{ClockKind, Scenario};
+use mtj_model::{
+    matrix,
+    scenario::{ClockKind, Scenario},
+};
 use mtj_protocol::{
     bus::BusError,
     port::{Answer, Exchange},
-    sample::{Header, StateSample, StatusSample, TorqueSample, VERSION},
+    sample::{Header, Joints, StateSample, StatusSample, VERSION},
 };
+use nalgebra::SVector;
 
 use crate::{
-    actuator::Actuator,
+    actuator::Command,
     agenda::{Agenda, Event},
-    clock::{self, Clock},
+    clock::{Clock, Heard, Lockstep, Realtime},
     durations::Durations,
-    knobs::Knobs,
-    ledger::Ledger,
-    link::{Direction, Link},
+    engine::{Engine, engine},
+    peer::Peer,
     report::{Measures, Report},
+    request::{self, Answers, Changeable},
     sensor::Sensor,
-    simulator::{Simulator, simulator},
+    sequencer::{Commands, Departure, Sequencer, nanoseconds},
     trace::Row,
+    tracking::{Tracked, Tracking},
 };
 
 /// How often to repeat the first state until a controller answers it.
 const RENDEZVOUS: Duration = Duration::from_millis(20);
-/// How often to repeat a later state in lockstep, in case the controller was replaced.
-const REPEAT: Duration = Duration::from_millis(200);
-/// How often to look whether to go on.
-const PATIENCE: Duration = Duration::from_millis(100);
+/// How often to look for requests while the run stands still.
+const GLANCE: Duration = Duration::from_millis(20);
 /// For how many samples of a trace there is room from the beginning; a longer one grows.
 const TRACED: u128 = 1 << 20;
 /// How often monitors are told the truth, in the run's time, ns.
@@ -66,44 +69,42 @@ pub fn run(
     watch: Watch,
     proceed: &dyn Fn() -> bool,
 ) -> Result<Outcome, BusError> {
-    let mut plant = Plant::new(scenario, run, exchange, watch, proceed)?;
-    plant.run()?;
-    Ok(plant.outcome())
+    let peer = Peer::new(exchange, proceed, watch.round_trips);
+    match scenario.timing.clock {
+        ClockKind::Lockstep => Plant::<Lockstep>::new(scenario, run, peer, watch.trace)?.run(),
+        ClockKind::Realtime => Plant::<Realtime>::new(scenario, run, peer, watch.trace)?.run(),
+    }
 }
 
-pub(crate) struct Plant<'a> {
-    /// As it is by now: knobs change it.
-    pub(crate) scenario: Scenario,
-    pub(crate) exchange: &'a mut dyn Exchange,
-    watch: Watch,
-    pub(crate) proceed: &'a dyn Fn() -> bool,
+struct Plant<'a, C> {
+    /// As it is by now: requests change it.
+    scenario: Scenario,
+    peer: Peer<'a>,
     /// Of the newest sample.
-    pub(crate) header: Header,
-    pub(crate) simulator: Box<dyn Simulator>,
-    pub(crate) agenda: Agenda,
-    pub(crate) sensor: Sensor,
-    pub(crate) state_link: Link,
-    pub(crate) torque_link: Link,
-    pub(crate) actuator: Actuator,
-    pub(crate) clock: Clock,
-    pub(crate) knobs: Knobs,
-    /// Sequence number of the newest state that was handed to the controller.
-    delivered: Option<u64>,
-    ledger: Ledger,
-    pub(crate) next_status_ns: u64,
+    header: Header,
+    engine: Box<dyn Engine>,
+    tracking: Tracking,
+    sensor: Sensor,
+    agenda: Agenda,
+    sequencer: Sequencer,
+    clock: C,
+    next_status_ns: u64,
     measures: Measures,
-    trace: Vec<Row>,
-    diverged: bool,
-    pub(crate) stopped: bool,
+    trace: Option<Vec<Row>>,
+    answers: Answers,
+    /// Counts disturbances, so that only the end of the newest one ends it.
+    disturbances: u64,
+    is_paused: bool,
+    is_reset: bool,
+    is_stopped: bool,
 }
 
-impl<'a> Plant<'a> {
+impl<'a, C: Clock> Plant<'a, C> {
     fn new(
-        scenario: &'a Scenario,
+        scenario: &Scenario,
         run: u64,
-        exchange: &'a mut dyn Exchange,
-        watch: Watch,
-        proceed: &'a dyn Fn() -> bool,
+        peer: Peer<'a>,
+        has_trace: bool,
     ) -> Result<Self, BusError> {
         let header = Header {
             version: VERSION,
@@ -116,43 +117,35 @@ impl<'a> Plant<'a> {
             scenario.duration.as_nanos().div_ceil(scenario.timing.sample_period.as_nanos());
         Ok(Self {
             scenario: scenario.clone(),
-            exchange,
-            watch,
-            proceed,
+            peer,
             header,
-            simulator: simulator(scenario),
-            agenda: Agenda::new(),
+            engine: engine(scenario),
+            tracking: Tracking::new(scenario),
             sensor: Sensor::new(scenario.noise, scenario.seed),
-            state_link: Link::new(&scenario.link.state, Direction::State, scenario.seed)?,
-            torque_link: Link::new(&scenario.link.torque, Direction::Torque, scenario.seed)?,
-            actuator: Actuator::new(scenario),
-            clock: Clock::start(),
-            knobs: Knobs::default(),
-            delivered: None,
-            ledger: Ledger::new(),
+            agenda: Agenda::new(),
+            sequencer: Sequencer::new(scenario)?,
+            clock: C::new(),
             next_status_ns: 0,
             measures: Measures::new(scenario),
-            trace: Vec::with_capacity(if watch.trace { samples.min(TRACED) as usize } else { 0 }),
-            diverged: false,
-            stopped: false,
+            trace: has_trace.then(|| Vec::with_capacity(samples.min(TRACED) as usize)),
+            answers: Answers::default(),
+            disturbances: 0,
+            is_paused: false,
+            is_reset: false,
+            is_stopped: false,
         })
     }
 
-    pub(crate) fn is_realtime(&self) -> bool {
-        self.scenario.timing.clock == ClockKind::Realtime
-    }
-
     /// Pops events in order of time until the run's duration is over.
-    fn run(&mut self) -> Result<(), BusError> {
+    fn run(mut self) -> Result<Outcome, BusError> {
         let end_ns = nanoseconds(self.scenario.duration);
-        if self.is_realtime() {
-            clock::wake_punctually();
-        }
         self.meet_controller()?;
-        while !self.stopped && !self.diverged && !self.knobs.is_reset {
+        while !self.is_stopped && !self.sequencer.has_diverged() && !self.is_reset {
             let next = self.agenda.next_time().filter(|time| *time < end_ns).unwrap_or(end_ns);
-            if self.is_realtime() && self.listen_until(next)? {
-                continue; // Something came that may be due earlier.
+            let heard = self.clock.wait(&mut self.peer, &mut self.sequencer, next)?;
+            if heard != Heard::Nothing {
+                self.take(heard);
+                continue; // What came may be due earlier.
             }
             if next == end_ns {
                 self.advance(end_ns);
@@ -165,13 +158,14 @@ impl<'a> Plant<'a> {
                 self.handle(time_ns, event)?;
             }
         }
-        self.ledger.settle(self.simulator.time_ns(), self.scenario.timing.sample_period);
-        self.report_status(2)
+        self.clock.end(&self.peer, &mut self.sequencer, self.engine.state().time_ns);
+        self.report_status(2)?;
+        Ok(self.outcome())
     }
 
-    pub(crate) fn advance(&mut self, time_ns: u64) {
-        self.simulator.advance(time_ns, self.actuator.drive());
-        self.diverged = self.simulator.has_diverged();
+    fn advance(&mut self, time_ns: u64) {
+        self.engine.advance(time_ns, self.sequencer.actuator().drive());
+        self.sequencer.observe(&self.engine.state().velocity);
     }
 
     fn handle(&mut self, time_ns: u64, event: Event) -> Result<(), BusError> {
@@ -180,7 +174,7 @@ impl<'a> Plant<'a> {
                 let is_due = time_ns >= self.next_status_ns;
                 if is_due {
                     self.attend(time_ns)?;
-                    if self.knobs.is_paused {
+                    if self.is_paused {
                         self.stand_still(time_ns)?;
                     }
                 }
@@ -192,13 +186,12 @@ impl<'a> Plant<'a> {
             }
             Event::Deliver(state) => self.deliver(time_ns, state)?,
             Event::Arrive(command) => self.apply(time_ns, &command),
-            Event::Timeout(commands) => {
-                if commands == self.actuator.commands() {
-                    self.ledger.timeouts += 1;
-                    self.actuator.time_out(time_ns);
+            Event::Timeout(commands) => self.sequencer.time_out(commands, time_ns),
+            Event::Undisturbed(disturbance) => {
+                if disturbance == self.disturbances {
+                    self.engine.disturb([0.0; _]);
                 }
             }
-            Event::Calm(kick) => self.calm(kick),
         }
         Ok(())
     }
@@ -206,33 +199,27 @@ impl<'a> Plant<'a> {
     /// Takes the first sample and repeats it until a controller answers; then the clock starts, with
     /// that answer in hand.
     fn meet_controller(&mut self) -> Result<(), BusError> {
-        self.header.sequence = 0;
         let mut state = self.measure(0);
-        self.agenda.push(nanoseconds(self.scenario.timing.sample_period), Event::Sample);
-        if let Some(timeout) = self.scenario.safety.command_timeout {
-            self.agenda.push(nanoseconds(timeout), Event::Timeout(0));
-        }
-        // The two must meet, so the first state is not lost; it may be late.
-        let there = self.state_link.transit().unwrap_or(self.scenario.link.state.latency);
-        self.delivered = Some(0);
-        self.ledger.commands.sent += 1;
+        self.set_deadline(0);
+        let transit = self.sequencer.state_transit(0);
+        self.sequencer.hand_over(0);
         let started = Instant::now();
-        let mut complained = false;
+        let mut has_complained = false;
         let answer = loop {
-            if let Some(answer) = self.ask(&mut state, RENDEZVOUS)? {
+            if let Some(answer) = self.peer.ask(&mut state, RENDEZVOUS)? {
                 break answer;
             }
-            if !(self.proceed)() {
-                self.stopped = true;
+            if !self.peer.may_proceed() {
+                self.is_stopped = true;
                 return Ok(());
             }
             self.report_status(0)?;
             self.attend(0)?;
-            if self.knobs.is_reset {
+            if self.is_reset {
                 return Ok(());
             }
-            if !complained && started.elapsed() > Duration::from_secs(2) {
-                complained = true;
+            if !has_complained && started.elapsed() > Duration::from_secs(2) {
+                has_complained = true;
                 eprintln!(
                     "mtj plant: waiting for a controller in session '{}' on {}",
                     self.scenario.bus.session,
@@ -240,212 +227,225 @@ impl<'a> Plant<'a> {
                 );
             }
         };
-        self.clock = Clock::start();
-        if answer == Answer::Torque {
-            self.note_round_trip();
-            self.schedule(nanoseconds(there));
+        self.clock.start();
+        if let (Answer::Torque, Some(delivered_ns)) = (answer, transit) {
+            self.take(Heard::Torque(delivered_ns));
         }
         Ok(())
     }
 
     /// Measures the state, and sends it on its way.
     fn take_sample(&mut self, time_ns: u64) {
-        let period = nanoseconds(self.scenario.timing.sample_period);
-        if self.is_realtime() && self.clock.now_ns() > time_ns + period {
-            self.ledger.deadline_misses += 1;
-        }
-        self.header.sequence += 1;
+        self.clock.sample(time_ns, self.sequencer.period_ns());
         let state = self.measure(time_ns);
-        self.agenda.push(time_ns + period, Event::Sample);
-        if let Some(transit) = self.state_link.transit() {
-            self.agenda.push(time_ns + nanoseconds(transit), Event::Deliver(state));
+        if let Some(transit) = self.sequencer.state_transit(state.header.sequence) {
+            self.agenda.push(time_ns + transit, Event::Deliver(state));
         }
     }
 
     fn measure(&mut self, time_ns: u64) -> StateSample {
+        self.header.sequence = self.sequencer.sample(time_ns);
         self.header.time_ns = time_ns;
-        let (tip, _) = self.simulator.tip();
-        let time = time_ns as f64 * 1e-9;
-        let desired = self.scenario.trajectory.at::<2>(time).point;
-        self.measures.sample(time_ns, (desired - tip).norm_squared());
-        let (true_position, true_velocity) = (self.simulator.position(), self.simulator.velocity());
-        if self.watch.trace {
-            self.trace.push(Row {
-                time,
-                position: true_position,
-                velocity: true_velocity,
-                tip: tip.into(),
-                desired: desired.into(),
-                torque: self.actuator.torque(&true_velocity),
-                echo: self.actuator.applied(),
+        self.agenda.push(self.sequencer.next_sample_ns(), Event::Sample);
+        let truth = self.engine.state();
+        let Tracked { tip, desired, error } = self.tracking.at(&truth);
+        self.measures.sample(time_ns, matrix::squared_norm(&SVector::from(error)));
+        let actuator = self.sequencer.actuator();
+        if let Some(trace) = &mut self.trace {
+            trace.push(Row {
+                time: time_ns as f64 * 1e-9,
+                position: truth.position,
+                velocity: truth.velocity,
+                tip,
+                desired,
+                error,
+                torque: actuator.torque(&truth.velocity),
+                echo: actuator.applied(),
             });
         }
-        let (position, velocity) = self.sensor.measure(true_position, true_velocity);
+        let (position, velocity) = self.sensor.measure(truth.position, truth.velocity);
         StateSample {
             header: self.header,
             sent_ns: 0,
-            latency_ns: self.actuator.latency_ns(),
-            round_trip_ns: self.ledger.round_trip_ns,
-            residence_ns: self.ledger.residence_ns,
+            latency_ns: actuator.latency_ns(),
+            round_trip_ns: self.peer.round_trip_ns(),
+            residence_ns: self.peer.residence_ns(),
             leader: 0,
-            timed_out: u64::from(self.actuator.has_timed_out()),
-            echo_count: self.actuator.echo_count(),
+            timed_out: u64::from(actuator.has_timed_out()),
+            echo_count: actuator.echo_count(),
             position,
             velocity,
-            applied: self.actuator.applied(),
-            delivered: self.actuator.delivered(time_ns, nanoseconds(self.scenario.law.memory.step)),
+            applied: actuator.applied(),
+            delivered: self.sequencer.delivered(time_ns),
         }
     }
 
-    /// Hands a state to the controller, unless a newer one has overtaken it; in lockstep also waits
-    /// for the answer.
+    /// Hands a state to the controller, unless a newer one has overtaken it.
     fn deliver(&mut self, time_ns: u64, mut state: StateSample) -> Result<(), BusError> {
-        if self.delivered >= Some(state.header.sequence) {
-            return Ok(());
+        if self.sequencer.hand_over(state.header.sequence) {
+            let (peer, sequencer) = (&mut self.peer, &mut self.sequencer);
+            let heard = self.clock.hand_over(peer, sequencer, &mut state, time_ns)?;
+            self.take(heard);
         }
-        self.delivered = Some(state.header.sequence);
-        self.ledger.commands.sent += 1;
-        if self.is_realtime() {
-            self.ledger.ask(state.header.sequence);
-            state.sent_ns = self.ledger.stopwatch.now_ns();
-            return self.exchange.send(&mut state);
-        }
-        loop {
-            if let Some(answer) = self.ask(&mut state, REPEAT)? {
-                if answer == Answer::Torque {
-                    self.note_round_trip();
-                    self.schedule(time_ns);
+        Ok(())
+    }
+
+    /// Sends a torque that came to the arm.
+    fn take(&mut self, heard: Heard) {
+        match heard {
+            Heard::Nothing => {}
+            Heard::Stop => self.is_stopped = true,
+            Heard::Torque(time_ns) => {
+                let departure = self.sequencer.depart(time_ns, true);
+                self.sequencer.count(departure);
+                if let Departure::Arrives(arrives_ns) = departure {
+                    let command = Command::from(self.peer.torque());
+                    self.agenda.push(arrives_ns, Event::Arrive(command));
                 }
-                return Ok(());
-            }
-            if !(self.proceed)() {
-                self.stopped = true;
-                return Ok(());
             }
         }
     }
 
-    /// Sends a state and waits for the answer to it.
-    fn ask(
-        &mut self,
-        state: &mut StateSample,
-        patience: Duration,
-    ) -> Result<Option<Answer>, BusError> {
-        if !self.watch.round_trips {
-            self.exchange.send(state)?;
-            return self.exchange.receive(self.clock.instant(0));
+    fn apply(&mut self, time_ns: u64, command: &Command) {
+        if self.sequencer.apply(command, time_ns) {
+            self.clock.apply(time_ns);
+            let velocity = self.engine.state().velocity;
+            self.measures.command(&self.sequencer.actuator().torque(&velocity));
+            self.set_deadline(time_ns);
         }
-        state.sent_ns = self.ledger.stopwatch.now_ns();
-        self.exchange.send(state)?;
-        let until = Instant::now() + patience;
-        while let Some(answer) = self.exchange.receive(until)? {
-            if self.exchange.torque().header.sequence == state.header.sequence {
-                return Ok(Some(answer));
+    }
+
+    fn set_deadline(&mut self, time_ns: u64) {
+        if let Some((deadline_ns, commands)) = self.sequencer.deadline(time_ns) {
+            self.agenda.push(deadline_ns, Event::Timeout(commands));
+        }
+    }
+
+    /// Deals with the requests that have come; they are in effect from the sample at `time_ns` on, which
+    /// has not been taken yet.
+    fn attend(&mut self, time_ns: u64) -> Result<(), BusError> {
+        for _ in 0..request::AT_A_TIME {
+            let Some(request) = self.peer.exchange().request()? else { break };
+            let change = match self.answers.to(&request) {
+                Some(change) => change,
+                None => {
+                    let mut target = BeforeSample { plant: self, time_ns };
+                    let outcome = request::carry_out(&request, &mut target)?;
+                    let sequence = self.sequencer.next_sequence();
+                    let header = Header { time_ns, sequence, ..self.header };
+                    self.answers.answer(header, &request, &outcome)
+                }
+            };
+            self.peer.exchange().announce(&change)?;
+        }
+        Ok(())
+    }
+
+    /// Lets the run's time stand still at `time_ns` until it is to go on.
+    fn stand_still(&mut self, time_ns: u64) -> Result<(), BusError> {
+        let paused = Instant::now();
+        while self.is_paused && !self.is_reset {
+            let (peer, sequencer) = (&mut self.peer, &mut self.sequencer);
+            let heard = self.clock.stand_still(peer, sequencer, time_ns, GLANCE)?;
+            self.take(heard);
+            if !self.peer.may_proceed() {
+                self.is_stopped = true;
+                break;
             }
+            self.report_status(3)?;
+            self.attend(time_ns)?;
         }
-        Ok(None)
+        self.clock.resume(paused.elapsed());
+        self.next_status_ns = time_ns;
+        Ok(())
     }
 
-    /// In real time, lets `time_ns` come while torques are received; true if one was.
-    fn listen_until(&mut self, time_ns: u64) -> Result<bool, BusError> {
-        let until = self.clock.instant(time_ns);
-        loop {
-            let patience = until.min(Instant::now() + PATIENCE);
-            if self.exchange.receive(patience)? == Some(Answer::Torque) {
-                self.note_answer();
-                self.schedule(self.clock.now_ns());
-                return Ok(true);
-            }
-            if !(self.proceed)() {
-                self.stopped = true;
-                return Ok(true);
-            }
-            if Instant::now() >= until {
-                return Ok(false);
-            }
-        }
-    }
-
-    /// Puts the answer that came at `time_ns` on the torque link.
-    pub(crate) fn schedule(&mut self, time_ns: u64) {
-        if let Some(transit) = self.torque_link.transit() {
-            let command = Event::Arrive(*self.exchange.torque());
-            self.agenda.push(time_ns + nanoseconds(transit), command);
-        } else {
-            self.ledger.commands.lost += 1;
-        }
-    }
-
-    /// Puts a command into effect, unless a newer one has overtaken it, or it is so old that the arm had
-    /// to be made safe: what was under way when a link broke is not for now.
-    fn apply(&mut self, time_ns: u64, command: &TorqueSample) {
-        let age = Duration::from_nanos(time_ns.saturating_sub(command.header.time_ns));
-        let is_too_old = self.scenario.safety.command_timeout.is_some_and(|timeout| age > timeout);
-        if is_too_old || !self.actuator.apply(command, time_ns) {
-            self.ledger.commands.lost += 1;
-            return;
-        }
-        self.ledger.apply(time_ns);
-        self.measures.command(&self.actuator.torque(&self.simulator.velocity()));
-        if let Some(timeout) = self.scenario.safety.command_timeout {
-            let event = Event::Timeout(self.actuator.commands());
-            self.agenda.push(time_ns + nanoseconds(timeout), event);
-        }
-    }
-
-    fn note_round_trip(&mut self) {
-        if self.watch.round_trips {
-            self.ledger.note_round_trip(self.exchange.torque());
-        }
-    }
-
-    /// In real time: books an answer.
-    pub(crate) fn note_answer(&mut self) {
-        self.note_round_trip();
-        let answered = self.exchange.torque().header.sequence;
-        self.ledger.answer(answered, self.scenario.timing.sample_period);
-    }
-
-    pub(crate) fn report_status(&mut self, phase: u64) -> Result<(), BusError> {
-        let velocity = self.simulator.velocity();
-        let Ledger { commands, deadline_misses, timeouts, .. } = &self.ledger;
-        self.exchange.report(&StatusSample {
+    fn report_status(&mut self, phase: u64) -> Result<(), BusError> {
+        let truth = self.engine.state();
+        let Commands { sent, applied, lost, late, .. } = self.sequencer.commands();
+        let exchange = self.peer.exchange();
+        exchange.report(&StatusSample {
             header: self.header,
             phase,
-            sent: commands.sent,
-            applied: commands.applied,
-            lost: commands.lost,
-            late: commands.late,
-            rejected: self.exchange.rejected(),
-            deadline_misses: *deadline_misses,
-            timeouts: *timeouts,
-            takeovers: self.exchange.takeovers(),
-            position: self.simulator.position(),
-            velocity,
-            torque: self.actuator.torque(&velocity),
+            sent,
+            applied,
+            lost,
+            late,
+            rejected: exchange.rejected(),
+            deadline_misses: self.clock.deadline_misses().unwrap_or(0),
+            timeouts: self.sequencer.timeouts(),
+            takeovers: exchange.takeovers(),
+            position: truth.position,
+            velocity: truth.velocity,
+            torque: self.sequencer.actuator().torque(&truth.velocity),
         })
     }
 
     fn outcome(mut self) -> Outcome {
-        self.ledger.commands.rejected = self.exchange.rejected();
-        let report = self.measures.report(
-            &self.scenario,
-            self.simulator.time_ns(),
-            self.simulator.energy(),
-            self.diverged,
-            &self.ledger,
-            self.exchange.takeovers(),
-        );
+        let truth = self.engine.state();
+        let report =
+            self.measures.report(&self.scenario, &self.sequencer, truth.time_ns, truth.energy);
+        // The gate counts what is not acceptable, also what nobody asked for.
+        let rejected = self.peer.exchange().rejected();
+        let takeovers = self.peer.exchange().takeovers();
+        let (round_trips, residences) = self.peer.into_durations();
+        let report = Report {
+            commands: Commands { rejected, ..report.commands },
+            takeovers,
+            deadline_misses: self.clock.deadline_misses(),
+            longest_gap_us: self.clock.longest_gap_ns().map(|gap| gap as f64 * 1e-3),
+            round_trip_us: round_trips.percentiles(),
+            residence_us: residences.percentiles(),
+            ..report
+        };
         Outcome {
             report,
-            trace: self.trace,
-            round_trips: self.ledger.round_trips,
-            interrupted: self.stopped,
-            reset: self.knobs.is_reset.then_some(self.scenario),
+            trace: self.trace.unwrap_or_default(),
+            round_trips,
+            interrupted: self.is_stopped,
+            reset: self.is_reset.then_some(self.scenario),
         }
     }
 }
 
-pub(crate) fn nanoseconds(duration: Duration) -> u64 {
-    duration.as_nanos() as u64
+/// A plant just before the sample at an instant.
+struct BeforeSample<'p, 'a, C> {
+    plant: &'p mut Plant<'a, C>,
+    time_ns: u64,
+}
+
+impl<C: Clock> Changeable for BeforeSample<'_, '_, C> {
+    fn scenario(&self) -> &Scenario {
+        &self.plant.scenario
+    }
+
+    fn change(&mut self, scenario: Scenario) -> Result<Result<(), String>, BusError> {
+        let plant = &mut *self.plant;
+        if let Err(error) = plant.sequencer.reconfigure(&plant.scenario, &scenario) {
+            return Ok(Err(error.to_string()));
+        }
+        plant.sensor.set_noise(scenario.noise);
+        plant.header.revision += 1;
+        // Offered before the first sample of this revision, so that a controller can fetch it there.
+        plant.peer.exchange().renew(&scenario, plant.header.revision)?;
+        plant.scenario = scenario;
+        Ok(Ok(()))
+    }
+
+    fn disturb(&mut self, torque: Joints, duration_ns: u64) {
+        let plant = &mut *self.plant;
+        plant.advance(self.time_ns);
+        plant.disturbances += 1;
+        plant.engine.disturb(torque);
+        let end = Event::Undisturbed(plant.disturbances);
+        plant.agenda.push(self.time_ns + duration_ns, end);
+    }
+
+    fn pause(&mut self, is_paused: bool) {
+        self.plant.is_paused = is_paused;
+    }
+
+    fn reset(&mut self) {
+        self.plant.is_reset = true;
+    }
 }

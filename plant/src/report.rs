@@ -1,14 +1,11 @@
 //! The measures of a run.
 
-use mtj_model::{
-    MAX_JOINTS,
-    scenario::{ClockKind, Scenario},
-};
+use mtj_model::{MAX_JOINTS, scenario::Scenario};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     durations::Percentiles,
-    ledger::{Commands, Ledger},
+    sequencer::{Commands, Sequencer},
 };
 
 /// What `mtj run --json` prints: one object; what does not apply is null.
@@ -116,17 +113,14 @@ impl<const N: usize> Measures<N> {
         self.samples
     }
 
-    /// The measures of a run that ended at `time_ns`.
-    pub fn report(
+    /// The measures of a run that ended at `time_ns` after so much work, J; those of wall time are null.
+    pub fn report<const E: usize>(
         &self,
         scenario: &Scenario,
+        sequencer: &Sequencer<N, E>,
         time_ns: u64,
         energy: f64,
-        diverged: bool,
-        ledger: &Ledger,
-        takeovers: u64,
     ) -> Report {
-        let is_realtime = scenario.timing.clock == ClockKind::Realtime;
         let finite = |x: f64| x.is_finite().then_some(x);
         let over_half = |x: f64| (self.counted > 0).then_some(x).and_then(finite);
         let joints = scenario.arm.links.len();
@@ -144,14 +138,14 @@ impl<const N: usize> Measures<N> {
             torque_step_rms_nm: (self.steps > 0)
                 .then(|| (self.squared_step / self.steps as f64).sqrt())
                 .and_then(finite),
-            diverged,
-            commands: ledger.commands,
-            deadline_misses: is_realtime.then_some(ledger.deadline_misses),
-            timeouts: ledger.timeouts,
-            takeovers,
-            longest_gap_us: is_realtime.then_some(ledger.longest_gap_ns as f64 * 1e-3),
-            round_trip_us: ledger.round_trips.percentiles(),
-            residence_us: ledger.residences.percentiles(),
+            diverged: sequencer.has_diverged(),
+            commands: sequencer.commands(),
+            deadline_misses: None,
+            timeouts: sequencer.timeouts(),
+            takeovers: 0,
+            longest_gap_us: None,
+            round_trip_us: None,
+            residence_us: None,
         }
     }
 }

@@ -2,8 +2,8 @@
 
 use std::io::{self, Write};
 
-use mtj_model::MAX_JOINTS;
-use mtj_protocol::sample::{Echo, Joints};
+use mtj_model::{scenario::Scenario, task::Axis};
+use mtj_protocol::sample::{Axes, Echo, Joints};
 
 /// What was true at one sampling instant. Nothing in it depends on wall time, unless the run does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,46 +15,43 @@ pub struct Row {
     /// True joint velocities, rad/s.
     pub velocity: Joints,
     /// True tip, m.
-    pub tip: [f64; 2],
+    pub tip: Axes,
     /// Where it should be, m.
-    pub desired: [f64; 2],
+    pub desired: Axes,
+    /// desired ⊖ true, m.
+    pub error: Axes,
     /// Torque in effect when the sample was taken, N m.
     pub torque: Joints,
     /// The law's echo in effect when the sample was taken.
     pub echo: Echo,
 }
 
-impl Row {
-    /// desired − true, m.
-    pub fn error(&self) -> [f64; 2] {
-        std::array::from_fn(|i| self.desired[i] - self.tip[i])
-    }
-}
-
 /// Writes rows as CSV with a header line; numbers are printed so that they read back exactly.
-pub fn write_csv(out: &mut impl Write, joints: usize, rows: &[Row]) -> io::Result<()> {
-    let joints = joints.min(MAX_JOINTS);
-    let axes = 2;
-    let numbered =
-        |name: &str, count| (1..=count).map(|i| format!(",{name}{i}")).collect::<String>();
-    writeln!(
-        out,
-        "time_s{}{},x_m,y_m,x_desired_m,y_desired_m,error_x_m,error_y_m{}{}",
-        numbered("q_rad_", joints),
-        numbered("q_dot_rad_s_", joints),
-        numbered("torque_nm_", joints),
-        numbered("force_n_", axes),
-    )?;
+pub fn write_csv(out: &mut impl Write, scenario: &Scenario, rows: &[Row]) -> io::Result<()> {
+    let (joints, axes) = (scenario.arm.links.len(), scenario.task.axes);
+    let echo = &scenario.law.law.description().echo;
+    let echoed = echo.per.count(joints, axes.len());
+    write!(out, "time_s")?;
+    numbered(out, "q", "rad", joints)?;
+    numbered(out, "q_dot", "rad/s", joints)?;
+    for (before, after) in [("", ""), ("", "_desired"), ("error_", "")] {
+        for Axis { name, unit } in axes {
+            write!(out, ",{before}{name}{after}_{}", in_a_name(unit))?;
+        }
+    }
+    numbered(out, "torque", "N m", joints)?;
+    numbered(out, echo.key, echo.unit, echoed)?;
+    writeln!(out)?;
     for row in rows {
         write!(out, "{}", row.time)?;
         let lists: [&[f64]; 7] = [
             &row.position[..joints],
             &row.velocity[..joints],
-            &row.tip,
-            &row.desired,
-            &row.error(),
+            &row.tip[..axes.len()],
+            &row.desired[..axes.len()],
+            &row.error[..axes.len()],
             &row.torque[..joints],
-            &row.echo[..axes],
+            &row.echo[..echoed],
         ];
         for number in lists.into_iter().flatten() {
             write!(out, ",{number}")?;
@@ -62,4 +59,14 @@ pub fn write_csv(out: &mut impl Write, joints: usize, rows: &[Row]) -> io::Resul
         writeln!(out)?;
     }
     Ok(())
+}
+
+/// The titles of so many columns.
+fn numbered(out: &mut impl Write, name: &str, unit: &str, count: usize) -> io::Result<()> {
+    (1..=count).try_for_each(|i| write!(out, ",{name}_{}_{i}", in_a_name(unit)))
+}
+
+/// A unit as names of columns have it: `nm` for N m, `rad_s` for rad/s.
+fn in_a_name(unit: &str) -> String {
+    unit.to_lowercase().replace(' ', "").replace('/', "_")
 }

@@ -4,8 +4,8 @@
 #![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
 
 use mtj_model::scenario::{Override, Scenario, built_in};
-use mtj_plant::actuator::Actuator;
-use mtj_protocol::sample::{Header, TorqueSample, padded};
+use mtj_plant::actuator::{Actuator, Command};
+use mtj_protocol::sample::padded;
 
 const MS: u64 = 1_000_000;
 
@@ -14,9 +14,14 @@ fn actuator(sets: &[&str]) -> Actuator {
     Actuator::new(&Scenario::parse("here", built_in("sampled/mtj").unwrap(), &sets).unwrap())
 }
 
-fn command(sequence: u64, torque: [f64; 2], force: [f64; 2]) -> TorqueSample {
-    let header = Header { sequence, time_ns: sequence * 10 * MS, ..Header::default() };
-    TorqueSample { header, torque: padded(&torque), force: padded(&force), ..Default::default() }
+fn command(sequence: u64, torque: [f64; 2], force: [f64; 2]) -> Command {
+    Command {
+        sequence,
+        sampled_ns: sequence * 10 * MS,
+        torque: padded(&torque),
+        echo: padded(&force),
+        echo_count: 2,
+    }
 }
 
 #[test]
@@ -60,7 +65,7 @@ fn delivered_is_the_exact_mean_over_the_memory_step() {
 #[test]
 fn delivered_over_one_period_is_the_held_force_if_nothing_changes() {
     let mut actuator = actuator(&["law.memory.policy=delivered"]);
-    assert_eq!(actuator.delivered(0, 10 * MS), [0.0; 6]);
+    assert_eq!(actuator.delivered(0, 10 * MS), [0.0; 7]);
     actuator.apply(&command(0, [1.0, 1.0], [3.0, 4.0]), 0);
     for sample in 1..2000 {
         let delivered = actuator.delivered(sample * 10 * MS, 10 * MS);
@@ -88,7 +93,7 @@ fn after_a_timeout_no_task_force_counts_as_delivered() {
     actuator.apply(&command(0, [1.0, 1.0], [10.0, 20.0]), 0);
     actuator.time_out(4 * MS);
     assert_eq!(actuator.torque(&[1.0; 7]), [0.0; 7]);
-    assert_eq!(actuator.applied(), [0.0; 6]);
+    assert_eq!(actuator.applied(), [0.0; 7]);
     let delivered = actuator.delivered(10 * MS, 10 * MS);
     assert!((delivered[0] - 4.0).abs() < 1e-12 && (delivered[1] - 8.0).abs() < 1e-12);
 }

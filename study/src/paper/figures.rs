@@ -58,7 +58,7 @@ fn desired_path(trajectory: &Trajectory<f64>) -> Figure {
 
 fn tracking_errors(runs: &Runs, name: &str, title: &str) -> Result<Figure, RunsError> {
     let outcomes = [runs.get(&format!("{name}-tj"))?, runs.get(&format!("{name}-mtj"))?];
-    let y = symmetric("tracking error (m)", &outcomes, |row| row.error());
+    let y = symmetric("tracking error (m)", &outcomes, |row| [row.error[0], row.error[1]]);
     let panels = outcomes
         .iter()
         .zip(["(a) TJ", "(b) MTJ"])
@@ -70,7 +70,7 @@ fn tracking_errors(runs: &Runs, name: &str, title: &str) -> Result<Figure, RunsE
 fn torques_and_errors(runs: &Runs) -> Result<Figure, RunsError> {
     let outcomes = outcomes(runs, "fig4")?;
     let torque = symmetric("joint torque (N m)", &outcomes, torques);
-    let error = symmetric("tracking error (m)", &outcomes, |row| row.error());
+    let error = symmetric("tracking error (m)", &outcomes, |row| [row.error[0], row.error[1]]);
     let panels = outcomes
         .iter()
         .zip(LAWS)
@@ -107,7 +107,7 @@ fn torque_panel(outcome: &Outcome, title: &str, y: &Axis) -> Panel {
 }
 
 fn error_panel(outcome: &Outcome, title: &str, y: &Axis) -> Panel {
-    panel(outcome, title, y, ["e(x)", "e(y)"], |row| row.error())
+    panel(outcome, title, y, ["e(x)", "e(y)"], |row| [row.error[0], row.error[1]])
 }
 
 fn panel(

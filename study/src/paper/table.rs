@@ -45,7 +45,7 @@ pub fn compare(runs: &Runs, counts: &[Counts]) -> Result<Vec<Comparison>, RunsEr
 fn low_and_high_speed(runs: &Runs) -> Result<Vec<Comparison>, RunsError> {
     let (slow_tj, slow_mtj) = (report(runs, "fig2-tj")?, report(runs, "fig2-mtj")?);
     let (fast_tj, fast_mtj) = (report(runs, "fig3-tj")?, report(runs, "fig3-mtj")?);
-    let peak = |name| Ok::<_, RunsError>(peak_of(&runs.get(name)?.trace, |row| row.error()[1]));
+    let peak = |name| Ok::<_, RunsError>(peak_of(&runs.get(name)?.trace, |row| row.error[1]));
     let (peak_tj, peak_mtj) = (peak("fig2-tj")?, peak("fig2-mtj")?);
     let (rise, slow) = (peak_tj / peak_mtj, rms(slow_tj) / rms(slow_mtj));
     let fast = rms(fast_tj) / rms(fast_mtj);

@@ -48,7 +48,7 @@ pub fn run(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Verificati
 }
 
 fn size(row: &Row) -> f64 {
-    row.error()[0].hypot(row.error()[1])
+    row.error[0].hypot(row.error[1])
 }
 
 fn rms(rows: &[Row]) -> f64 {

@@ -12,7 +12,7 @@ use mtj_model::{
     matrix,
     task::{Previous, Task},
 };
-use mtj_plant::{dormand_prince::DormandPrince, ledger::Ledger, simulator::RUNAWAY};
+use mtj_plant::dormand_prince::DormandPrince;
 use mtj_protocol::sample::padded;
 use nalgebra::SVector;
 
@@ -37,7 +37,6 @@ pub struct Flock<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usiz
     previous: Previous<T, M>,
     has_noise: bool,
     predicts: bool,
-    ledger: Ledger,
 }
 
 /// A lane's place.
@@ -65,7 +64,6 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
             previous: Previous::none(),
             has_noise: some.noise > 0.0,
             predicts: some.law.prediction.is_some(),
-            ledger: Ledger::new(),
             queue,
         };
         flock.run();
@@ -135,10 +133,10 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
     /// A lane's arm has come to the event it was moving to; returns whether that was its last.
     #[inline(always)]
     fn reach(&mut self, lane: usize) -> bool {
-        let has_diverged = self.has_diverged(lane);
+        let velocity = numbers(&self.arms.velocity, lane);
         let place = &mut self.loops[lane];
         let Some(this) = &mut place.lane else { return false };
-        this.diverged = has_diverged;
+        this.observe(&velocity);
         loop {
             match this.event {
                 Event::Sample => {
@@ -150,7 +148,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
                     if let Some(torque) = this.arrive() {
                         put(&mut self.arms.torque, lane, &torque);
                     }
-                    if this.diverged {
+                    if this.has_diverged() {
                         break;
                     }
                 }
@@ -165,18 +163,13 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
         true
     }
 
-    fn has_diverged(&self, lane: usize) -> bool {
-        // Written so that a NaN counts as diverged.
-        !(0..N).all(|joint| self.arms.velocity[joint].get(lane).abs() < RUNAWAY)
-    }
-
     #[inline(never)]
     fn end(&mut self, lane: usize) {
         let energy = self.arms.energy.get(lane);
         let place = &mut self.loops[lane];
         place.is_waiting = false;
         if let Some(mut lane) = place.lane.take() {
-            let report = lane.report(energy, &mut self.ledger);
+            let report = lane.report(energy);
             (self.queue.hand_in)(lane.number, Some(report));
         }
         self.arms.remaining.set(lane, 0.0);
@@ -207,7 +200,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
             let place = &mut self.loops[lane];
             let Some(this) = place.lane.as_mut().filter(|_| place.is_waiting) else { continue };
             all.time.set(lane, this.time_ns as f64 * 1e-9);
-            if this.diverged {
+            if this.has_diverged() {
                 continue;
             }
             let Sample { recalled, horizon, delivered_ns } = this.sample();
@@ -278,7 +271,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
         let delivered_ns = place.delivered_ns.take();
         let Some(this) = &mut place.lane else { return false };
         this.note_error(squared_error);
-        if this.diverged {
+        if this.has_diverged() {
             self.end(lane);
             return true;
         }
@@ -294,7 +287,6 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
                 put(&mut self.arms.torque, lane, &torque);
             }
         }
-        this.end_sample();
         let span = this.look_ahead();
         if span > 0.0 {
             self.arms.remaining.set(lane, span);

@@ -1,20 +1,19 @@
-//! One loop in its lane, between two motions of its arm: what happens when, and what is counted.
+//! One loop in its lane, between two motions of its arm: what happens when.
 //!
-//! This is the plant's agenda where nothing has to wait. In lockstep the answer to a state follows from
-//! what is known when it is measured, because links do not look at what they carry: whether a state will
-//! be overtaken, and when its command arrives, can be drawn in advance. So a sample is answered at once,
-//! and only commands are under way.
+//! This is the plant's agenda where nothing has to wait; the rules are those of the plant's
+//! [`Sequencer`]. In lockstep the answer to a state follows from what is known when it is measured,
+//! because links do not look at what they carry: whether a state will be overtaken, and when its command
+//! arrives, can be drawn in advance. So a sample is answered at once, and only commands are under way.
 
 use std::collections::VecDeque;
 
 use mtj_controller::{memory::Memory, prediction};
 use mtj_model::scenario::{Jitter, MemoryPolicy, Scenario};
 use mtj_plant::{
-    actuator::Actuator,
-    ledger::{Commands, Ledger},
-    link::{Direction, Link},
+    actuator::Command,
     report::{Measures, Report},
     sensor::Sensor,
+    sequencer::{Departure, Sequencer},
 };
 use mtj_protocol::{bus::BusError, sample::Joints};
 use nalgebra::SVector;
@@ -28,24 +27,6 @@ pub enum Event {
     Sample,
     /// The run is over.
     End,
-}
-
-/// What became of a state that was handed to the controller.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Fate {
-    UnderWay,
-    Lost,
-    Rejected,
-}
-
-/// A command on its way.
-#[derive(Clone, Copy, Debug)]
-struct Command<const N: usize, const E: usize> {
-    arrives_ns: u64,
-    sequence: u64,
-    sampled_ns: u64,
-    torque: [f64; N],
-    echo: [f64; E],
 }
 
 /// What a sample gives the law.
@@ -68,25 +49,20 @@ pub struct Lane<'s, const N: usize, const E: usize> {
     pub time_ns: u64,
     /// What happens there.
     pub event: Event,
-    /// Whether the arm ran away.
-    pub diverged: bool,
-    period_ns: u64,
     end_ns: u64,
+    /// Number of the newest sample.
     sequence: u64,
-    next_sample_ns: u64,
-    state_link: Link,
+    sequencer: Sequencer<N, E>,
     /// Transits of the next states that had to be known before they are measured, ns.
     ahead: VecDeque<Option<u64>>,
-    torque_link: Link,
     sensor: Sensor,
-    actuator: Actuator<N, E>,
     memory: Option<Memory<E>>,
     measures: Measures<N>,
-    commands: Commands,
-    /// Commands and when they arrive, the first first.
-    under_way: VecDeque<Command<N, E>>,
-    /// States that reach the controller later than they were measured, and when.
-    undelivered: VecDeque<(u64, Fate)>,
+    /// When commands arrive, and the commands, the first first.
+    under_way: VecDeque<(u64, Command<N, E>)>,
+    /// When states reach the controller that do so later than they were measured, their numbers, and what
+    /// happens to their answers then.
+    undelivered: VecDeque<(u64, u64, Departure)>,
 }
 
 impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
@@ -97,19 +73,13 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
             scenario,
             time_ns: 0,
             event: Event::Sample,
-            diverged: false,
-            period_ns: scenario.timing.sample_period.as_nanos() as u64,
             end_ns: scenario.duration.as_nanos() as u64,
             sequence: 0,
-            next_sample_ns: 0,
-            state_link: Link::new(&scenario.link.state, Direction::State, scenario.seed)?,
+            sequencer: Sequencer::new(scenario)?,
             ahead: VecDeque::new(),
-            torque_link: Link::new(&scenario.link.torque, Direction::Torque, scenario.seed)?,
             sensor: Sensor::new(scenario.noise, scenario.seed),
-            actuator: Actuator::new(scenario),
             memory: scenario.law.has_memory().then(|| Memory::new(&scenario.law.memory)),
             measures: Measures::new(scenario),
-            commands: Commands::default(),
             under_way: VecDeque::new(),
             undelivered: VecDeque::new(),
         })
@@ -119,11 +89,10 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
     #[inline(always)]
     pub fn look_ahead(&mut self) -> f64 {
         let now = self.time_ns;
+        let next_sample_ns = self.sequencer.next_sample_ns();
         (self.time_ns, self.event) = match self.under_way.front() {
-            Some(command) if command.arrives_ns <= self.next_sample_ns => {
-                (command.arrives_ns, Event::Arrive)
-            }
-            _ => (self.next_sample_ns, Event::Sample),
+            Some((arrives_ns, _)) if *arrives_ns <= next_sample_ns => (*arrives_ns, Event::Arrive),
+            _ => (next_sample_ns, Event::Sample),
         };
         if self.time_ns >= self.end_ns {
             (self.time_ns, self.event) = (self.end_ns, Event::End);
@@ -131,22 +100,31 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
         (self.time_ns - now) as f64 * 1e-9
     }
 
+    /// Takes in the true joint velocities where the arm has come to, rad/s.
+    #[inline(always)]
+    pub fn observe(&mut self, velocity: &[f64; N]) {
+        self.sequencer.observe(velocity);
+    }
+
+    /// Whether the arm ran away.
+    #[inline(always)]
+    pub fn has_diverged(&self) -> bool {
+        self.sequencer.has_diverged()
+    }
+
     /// Puts the next command into effect; returns the torque.
     pub fn arrive(&mut self) -> Option<[f64; N]> {
-        let command = self.under_way.pop_front()?;
+        let (_, command) = self.under_way.pop_front()?;
         self.apply(&command)
     }
 
     #[inline(always)]
     fn apply(&mut self, command: &Command<N, E>) -> Option<[f64; N]> {
-        let Command { sequence, sampled_ns, torque, echo, .. } = command;
-        if !self.actuator.hold(*sequence, *sampled_ns, torque, echo, self.time_ns) {
-            self.commands.lost += 1;
+        if !self.sequencer.apply(command, self.time_ns) {
             return None;
         }
-        self.commands.applied += 1;
         // Nothing but a timeout makes the torque depend on the velocity, and there is none here.
-        let torque = self.actuator.torque(&[0.0; N]);
+        let torque = self.sequencer.actuator().torque(&[0.0; N]);
         self.measures.command(&torque);
         Some(torque)
     }
@@ -165,11 +143,12 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
     /// Takes a sample.
     #[inline(always)]
     pub fn sample(&mut self) -> Sample<E> {
-        self.count_delivered(self.time_ns + 1);
-        let horizon = prediction::horizon(self.scenario.law.prediction, self.actuator.latency_ns());
+        self.hand_over_before(self.time_ns + 1);
+        self.sequence = self.sequencer.sample(self.time_ns);
+        let latency_ns = self.sequencer.actuator().latency_ns();
+        let horizon = prediction::horizon(self.scenario.law.prediction, latency_ns);
         let recalled = self.recall();
         let delivered_ns = self.delivery();
-        self.next_sample_ns = self.time_ns + self.period_ns;
         Sample {
             recalled: recalled.unwrap_or(SVector::zeros()),
             horizon: horizon.unwrap_or(0.0),
@@ -180,43 +159,44 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
     #[inline(always)]
     fn recall(&mut self) -> Option<SVector<f64, E>> {
         let memory = self.memory.as_ref()?;
-        let settings = &self.scenario.law.memory;
-        let delivered = if settings.policy == MemoryPolicy::Delivered {
-            self.actuator.delivered(self.time_ns, settings.step.as_nanos() as u64)
+        let delivered = if self.scenario.law.memory.policy == MemoryPolicy::Delivered {
+            self.sequencer.delivered(self.time_ns)
         } else {
             [0.0; E]
         };
-        memory.recall(|| self.actuator.applied().into(), || delivered.into())
+        memory.recall(|| self.sequencer.actuator().applied().into(), || delivered.into())
     }
 
     /// When the state measured now reaches the controller; `None` if it is lost, overtaken, or too late
     /// for this run.
     #[inline(always)]
     fn delivery(&mut self) -> Option<u64> {
-        if self.sequence == 0 {
-            // The two must meet, so the first state is not lost; it may be late.
-            let transit = self.state_link.transit().unwrap_or(self.scenario.link.state.latency);
-            return Some(transit.as_nanos() as u64);
-        }
-        let transit = self.ahead.pop_front().unwrap_or_else(|| transit_ns(&mut self.state_link))?;
+        let transit = match self.ahead.pop_front() {
+            Some(transit) => transit?,
+            None => self.sequencer.state_transit(self.sequence)?,
+        };
         let delivered_ns = self.time_ns + transit;
-        (delivered_ns < self.end_ns && !self.is_overtaken(delivered_ns)).then_some(delivered_ns)
+        // The clock starts with the answer to the first.
+        let is_heard = self.sequence == 0
+            || delivered_ns < self.end_ns && !self.will_be_overtaken(delivered_ns);
+        is_heard.then_some(delivered_ns)
     }
 
-    /// Whether a later state reaches the controller before `delivered_ns`.
+    /// Whether a later state reaches the controller before `delivered_ns`, so that the sequencer would not
+    /// hand over this one.
     #[inline(always)]
-    fn is_overtaken(&mut self, delivered_ns: u64) -> bool {
+    fn will_be_overtaken(&mut self, delivered_ns: u64) -> bool {
         if self.scenario.link.state.jitter == Jitter::None {
             return false;
         }
         let mut time_ns = self.time_ns;
-        for later in 0.. {
-            time_ns += self.period_ns;
+        for (later, sequence) in (self.sequence + 1..).enumerate() {
+            time_ns += self.sequencer.period_ns();
             if time_ns >= delivered_ns {
                 break;
             }
             if self.ahead.len() == later {
-                self.ahead.push_back(transit_ns(&mut self.state_link));
+                self.ahead.push_back(self.sequencer.state_transit(sequence));
             }
             if self.ahead[later].is_some_and(|transit| time_ns + transit < delivered_ns) {
                 return true;
@@ -237,71 +217,54 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
         if let Some(memory) = &mut self.memory {
             memory.store(self.time_ns, &echo.into());
         }
+        let (sequence, sampled_ns) = (self.sequence, self.time_ns);
         let is_finite = torque.iter().chain(&echo).all(|x| x.is_finite());
-        let (mut fate, mut effect) = (Fate::UnderWay, None);
-        if !is_finite {
-            fate = Fate::Rejected;
-        } else if let Some(transit) = transit_ns(&mut self.torque_link) {
-            let (sequence, sampled_ns) = (self.sequence, self.time_ns);
-            let arrives_ns = delivered_ns + transit;
-            let command = Command { arrives_ns, sequence, sampled_ns, torque, echo };
+        let departure = self.sequencer.depart(delivered_ns, is_finite);
+        let mut effect = None;
+        if let Departure::Arrives(arrives_ns) = departure {
+            let echo_count = E as u64;
+            let command = Command { sequence, sampled_ns, torque, echo, echo_count };
             if arrives_ns == self.time_ns {
                 effect = self.apply(&command);
             } else {
-                self.send(command);
+                self.send(arrives_ns, command);
             }
-        } else {
-            fate = Fate::Lost;
         }
-        if delivered_ns > self.time_ns && self.sequence > 0 {
-            self.undelivered.push_back((delivered_ns, fate));
+        // The first is handed over before the clock starts.
+        if delivered_ns > self.time_ns && sequence > 0 {
+            self.undelivered.push_back((delivered_ns, sequence, departure));
         } else {
-            self.count(fate);
+            self.hand_over(sequence, departure);
         }
         effect
     }
 
-    fn send(&mut self, command: Command<N, E>) {
-        let is_before = |other: &Command<N, E>| other.arrives_ns <= command.arrives_ns;
-        let place = self.under_way.iter().rposition(is_before);
-        self.under_way.insert(place.map_or(0, |place| place + 1), command);
-    }
-
-    /// The state measured now was answered, or never will be.
-    #[inline(always)]
-    pub fn end_sample(&mut self) {
-        self.sequence += 1;
+    fn send(&mut self, arrives_ns: u64, command: Command<N, E>) {
+        let place = self.under_way.iter().rposition(|(other_ns, _)| *other_ns <= arrives_ns);
+        self.under_way.insert(place.map_or(0, |place| place + 1), (arrives_ns, command));
     }
 
     #[inline(always)]
-    fn count(&mut self, fate: Fate) {
-        self.commands.sent += 1;
-        match fate {
-            Fate::UnderWay => {}
-            Fate::Lost => self.commands.lost += 1,
-            Fate::Rejected => self.commands.rejected += 1,
-        }
+    fn hand_over(&mut self, sequence: u64, departure: Departure) {
+        let is_handed_over = self.sequencer.hand_over(sequence);
+        debug_assert!(is_handed_over, "an overtaken state is not answered");
+        self.sequencer.count(departure);
     }
 
-    /// Counts what reached the controller before `time_ns`.
-    fn count_delivered(&mut self, time_ns: u64) {
-        while let Some((delivered_ns, fate)) = self.undelivered.front().copied()
+    /// Hands over what reaches the controller before `time_ns`.
+    fn hand_over_before(&mut self, time_ns: u64) {
+        while let Some((delivered_ns, sequence, departure)) = self.undelivered.front().copied()
             && delivered_ns < time_ns
         {
             self.undelivered.pop_front();
-            self.count(fate);
+            self.hand_over(sequence, departure);
         }
     }
 
     /// The measures of a run that ended with this event, after so much work, J.
-    pub fn report(&mut self, energy: f64, ledger: &mut Ledger) -> Report {
+    pub fn report(&mut self, energy: f64) -> Report {
         // At the same instant a state is handed over after commands and before samples.
-        self.count_delivered(self.time_ns + u64::from(self.event == Event::Sample));
-        ledger.commands = self.commands;
-        self.measures.report(self.scenario, self.time_ns, energy, self.diverged, ledger, 0)
+        self.hand_over_before(self.time_ns + u64::from(self.event == Event::Sample));
+        self.measures.report(self.scenario, &self.sequencer, self.time_ns, energy)
     }
-}
-
-fn transit_ns(link: &mut Link) -> Option<u64> {
-    link.transit().map(|transit| transit.as_nanos() as u64)
 }

@@ -5,7 +5,7 @@
 
 use diffsol::{NalgebraLU, NalgebraMat, OdeBuilder, OdeSolverMethod};
 use mtj_model::scenario::{Override, Scenario, built_in};
-use mtj_plant::simulator::{Drive, simulator};
+use mtj_plant::engine::{Drive, State, engine};
 use nalgebra::{DMatrix, DVector, Vector2};
 
 const SECOND: u64 = 1_000_000_000;
@@ -132,9 +132,10 @@ fn gear(rate: impl Fn(&[f64], &mut [f64]), start: &[f64], seconds: f64) -> Vec<f
 /// q, q̇ and the work done of an arm after `seconds` under a held torque.
 fn simulated(scenario: &Scenario, held: &[f64], seconds: u64) -> Vec<f64> {
     let n = scenario.arm.links.len();
-    let mut arm = simulator(scenario);
+    let mut arm = engine(scenario);
     arm.advance(seconds * SECOND, &torque(held));
-    [&arm.position()[..n], &arm.velocity()[..n], &[arm.energy()]].concat()
+    let State { position, velocity, energy, .. } = arm.state();
+    [&position[..n], &velocity[..n], &[energy]].concat()
 }
 
 fn assert_close(found: &[f64], expected: &[f64], tolerance: f64) {
@@ -216,17 +217,17 @@ fn the_error_shrinks_sixteenfold_when_the_step_halves() {
 #[test]
 fn an_interval_that_is_no_multiple_of_the_step_is_divided_evenly() {
     let scenario = scenario("sampled/mtj", &["timing.integration_step=1ms"]);
-    let mut whole = simulator(&scenario);
-    let mut broken = simulator(&scenario);
+    let mut whole = engine(&scenario);
+    let mut broken = engine(&scenario);
     let drive = torque(&[2.0, -1.0]);
     whole.advance(SECOND, &drive);
     for time_ns in (1..=SECOND / 777_777).map(|i| i * 777_777).chain([SECOND]) {
         broken.advance(time_ns, &drive);
-        assert_eq!(broken.time_ns(), time_ns);
+        assert_eq!(broken.state().time_ns, time_ns);
     }
-    assert_close(&broken.position(), &whole.position(), 1e-10);
+    assert_close(&broken.state().position, &whole.state().position, 1e-10);
     broken.advance(SECOND / 2, &drive);
-    assert_eq!(broken.time_ns(), SECOND, "time does not run backwards");
+    assert_eq!(broken.state().time_ns, SECOND, "time does not run backwards");
 }
 
 #[test]
@@ -236,15 +237,19 @@ fn work_that_is_never_negative_equals_the_kinetic_energy_gained() {
         scenario("sampled/mtj", &["arm.velocity=[0.0, 0.0]", "timing.integration_step=100us"]);
     let [h11, h12, h22] = TwoLinks::inertia(std::f64::consts::FRAC_PI_2);
     let held = [h11 + h12, h12 + h22];
-    let mut arm = simulator(&scenario);
+    let mut arm = engine(&scenario);
     for i in 1..=50 {
         arm.advance(i * SECOND / 100, &torque(&held));
-        let (q, v) = (arm.position(), arm.velocity());
+        let (q, v) = (arm.state().position, arm.state().velocity);
         assert!(held[0] * v[0] >= 0.0 && held[1] * v[1] >= 0.0, "power is not negative here");
         let gained = TwoLinks::kinetic_energy([q[0], q[1], v[0], v[1]]);
-        assert!((arm.energy() - gained).abs() < 1e-9, "{} J done, {gained} J gained", arm.energy());
+        assert!(
+            (arm.state().energy - gained).abs() < 1e-9,
+            "{} J done, {gained} J gained",
+            arm.state().energy
+        );
     }
-    assert!(arm.energy() > 1.0);
+    assert!(arm.state().energy > 1.0);
 }
 
 #[test]
@@ -261,14 +266,14 @@ fn braking_counts_as_work_too() {
             "timing.integration_step=100us",
         ],
     );
-    let mut arm = simulator(&scenario);
+    let mut arm = engine(&scenario);
     let turn = (2.0 * inertia * 1e9) as u64;
     arm.advance(turn, &torque(&[-1.0]));
-    assert!(arm.velocity()[0].abs() < 1e-7, "it has stopped");
-    assert!((arm.position()[0] - 2.0 * inertia).abs() < 1e-7, "v² I / 2 τ further on");
+    assert!(arm.state().velocity[0].abs() < 1e-7, "it has stopped");
+    assert!((arm.state().position[0] - 2.0 * inertia).abs() < 1e-7, "v² I / 2 τ further on");
     arm.advance(2 * turn, &torque(&[-1.0]));
-    assert!((arm.velocity()[0] + 2.0).abs() < 1e-7);
-    assert!((arm.energy() - inertia * 4.0).abs() < 1e-6, "{} J", arm.energy());
+    assert!((arm.state().velocity[0] + 2.0).abs() < 1e-7);
+    assert!((arm.state().energy - inertia * 4.0).abs() < 1e-6, "{} J", arm.state().energy);
 }
 
 #[test]
@@ -282,11 +287,14 @@ fn damping_slows_a_joint_exponentially_and_never_beyond_its_limit() {
             "arm.velocity=[2.0]",
         ],
     );
-    let mut free = simulator(&scenario);
+    let mut free = engine(&scenario);
     free.advance(SECOND, &Drive::Damping { damping: 1.5, limit: [f64::INFINITY; 7] });
     let expected = 2.0 * f64::exp(-1.5 / inertia);
-    assert!((free.velocity()[0] - expected).abs() < 1e-9);
-    let mut limited = simulator(&scenario);
+    assert!((free.state().velocity[0] - expected).abs() < 1e-9);
+    let mut limited = engine(&scenario);
     limited.advance(SECOND, &Drive::Damping { damping: 1.5, limit: [0.6; 7] });
-    assert!((limited.velocity()[0] - (2.0 - 0.6 / inertia)).abs() < 1e-9, "0.6 N m all the time");
+    assert!(
+        (limited.state().velocity[0] - (2.0 - 0.6 / inertia)).abs() < 1e-9,
+        "0.6 N m all the time"
+    );
 }

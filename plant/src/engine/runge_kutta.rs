@@ -1,0 +1,103 @@
+//! A fixed-step fourth-order Runge–Kutta integrator.
+
+use mtj_model::{
+    MAX_JOINTS,
+    arm::{
+        Arm,
+        planar::{Configuration, PlanarArm},
+    },
+    scenario::ArmSettings,
+};
+use mtj_protocol::sample::{Joints, padded};
+use nalgebra::SVector;
+
+use super::{Drive, Engine, State};
+
+/// Everything that is integrated: q, q̇ and the work done.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Integrated<const N: usize> {
+    position: SVector<f64, N>,
+    velocity: SVector<f64, N>,
+    energy: f64,
+}
+
+/// The arm of a scenario, integrated in equal steps no longer than the integration step.
+pub struct RungeKutta<const N: usize> {
+    arm: PlanarArm<f64, N>,
+    state: Integrated<N>,
+    disturbance: SVector<f64, N>,
+    time_ns: u64,
+    step_ns: u64,
+}
+
+impl<const N: usize> RungeKutta<N> {
+    /// The arm at its initial state.
+    pub fn new(arm: &ArmSettings, step_ns: u64) -> Self {
+        let state = Integrated {
+            position: SVector::from_fn(|i, _| arm.position[i]),
+            velocity: SVector::from_fn(|i, _| arm.velocity[i]),
+            energy: 0.0,
+        };
+        Self { arm: arm.build(), state, disturbance: SVector::zeros(), time_ns: 0, step_ns }
+    }
+
+    /// The state's rate of change.
+    fn rate(&self, state: &Integrated<N>, drive: &Drive) -> Integrated<N> {
+        let torque = SVector::from_fn(|i, _| drive.torque(i, state.velocity[i]));
+        let at = Configuration::new(&state.position, &state.velocity);
+        let all = torque + self.disturbance;
+        Integrated {
+            position: state.velocity,
+            velocity: self.arm.acceleration(&at, &all),
+            energy: torque.component_mul(&state.velocity).abs().sum(),
+        }
+    }
+
+    fn step(&mut self, h: f64, drive: &Drive) {
+        let start = self.state;
+        let k1 = self.rate(&start, drive);
+        let k2 = self.rate(&start.moved(&k1, h / 2.0), drive);
+        let k3 = self.rate(&start.moved(&k2, h / 2.0), drive);
+        let k4 = self.rate(&start.moved(&k3, h), drive);
+        self.state =
+            start.moved(&k1, h / 6.0).moved(&k2, h / 3.0).moved(&k3, h / 3.0).moved(&k4, h / 6.0);
+    }
+}
+
+impl<const N: usize> Integrated<N> {
+    fn moved(&self, rate: &Self, h: f64) -> Self {
+        Self {
+            position: self.position + rate.position * h,
+            velocity: self.velocity + rate.velocity * h,
+            energy: self.energy + rate.energy * h,
+        }
+    }
+}
+
+impl<const N: usize> Engine for RungeKutta<N> {
+    fn advance(&mut self, time_ns: u64, drive: &Drive) {
+        let span = time_ns.saturating_sub(self.time_ns);
+        if span == 0 {
+            return;
+        }
+        let steps = span.div_ceil(self.step_ns);
+        let h = span as f64 * 1e-9 / steps as f64;
+        for _ in 0..steps {
+            self.step(h, drive);
+        }
+        self.time_ns = time_ns;
+    }
+
+    fn state(&self) -> State {
+        State {
+            time_ns: self.time_ns,
+            position: padded::<MAX_JOINTS>(self.state.position.as_slice()),
+            velocity: padded::<MAX_JOINTS>(self.state.velocity.as_slice()),
+            energy: self.state.energy,
+        }
+    }
+
+    fn disturb(&mut self, torque: Joints) {
+        self.disturbance = SVector::from_fn(|i, _| torque[i]);
+    }
+}

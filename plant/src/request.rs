@@ -1,0 +1,80 @@
+//! Requests to change a running loop: each is carried out once, and answered as often as it comes.
+
+use std::collections::VecDeque;
+
+use mtj_model::scenario::{Override, Scenario};
+use mtj_protocol::{
+    bus::BusError,
+    knob::Knob,
+    sample::{ChangeSample, Header, Joints, RequestSample, padded},
+};
+
+/// How many requests are dealt with at a time, so that a flood of them does not hold up the loop.
+pub(crate) const AT_A_TIME: usize = 8;
+/// How many answers are remembered for requests that come again.
+const REMEMBERED: usize = 64;
+
+/// A loop that requests change between two samples.
+pub(crate) trait Changeable {
+    /// The scenario as it is by now.
+    fn scenario(&self) -> &Scenario;
+    /// Takes on a changed scenario; a reason, if that cannot be.
+    fn change(&mut self, scenario: Scenario) -> Result<Result<(), String>, BusError>;
+    /// A torque acts beside the actuator's from now on for so long, N m.
+    fn disturb(&mut self, torque: Joints, duration_ns: u64);
+    /// Lets the run stand still, or go on.
+    fn pause(&mut self, is_paused: bool);
+    /// Ends the run; another one follows.
+    fn reset(&mut self);
+}
+
+/// Carries out a request; a reason, if that cannot be.
+pub(crate) fn carry_out(
+    request: &RequestSample,
+    target: &mut impl Changeable,
+) -> Result<Result<(), String>, BusError> {
+    match Knob::of(request) {
+        Err(reason) => return Ok(Err(reason)),
+        Ok(Knob::Set(sets)) => {
+            let sets: Result<Vec<Override>, _> = sets.iter().map(|set| set.parse()).collect();
+            return match sets.and_then(|sets| target.scenario().changed(&sets)) {
+                Ok(scenario) => target.change(scenario),
+                Err(error) => Ok(Err(error.to_string())),
+            };
+        }
+        Ok(Knob::Pause) => target.pause(true),
+        Ok(Knob::Resume) => target.pause(false),
+        Ok(Knob::Reset) => target.reset(),
+        Ok(Knob::Kick { torque, milliseconds }) => {
+            target.disturb(padded(&torque), (milliseconds * 1e6).round() as u64);
+        }
+    }
+    Ok(Ok(()))
+}
+
+/// What became of the newest requests.
+#[derive(Default)]
+pub(crate) struct Answers(VecDeque<ChangeSample>);
+
+impl Answers {
+    /// What became of a request that was dealt with before.
+    pub(crate) fn to(&self, request: &RequestSample) -> Option<ChangeSample> {
+        self.0.iter().find(|change| change.request == request.header.sequence).copied()
+    }
+
+    /// Answers a request, and forgets the oldest answer if there is no room.
+    pub(crate) fn answer(
+        &mut self,
+        header: Header,
+        request: &RequestSample,
+        outcome: &Result<(), String>,
+    ) -> ChangeSample {
+        let outcome = outcome.as_ref().map_err(String::as_str).copied();
+        let change = ChangeSample::answer(header, request, outcome);
+        if self.0.len() == REMEMBERED {
+            self.0.pop_front();
+        }
+        self.0.push_back(change);
+        change
+    }
+}

@@ -1,0 +1,266 @@
+//! The rules of the loop, as a state machine without clock, transport and arm.
+//!
+//! The plant's event loop drives one [`Sequencer`], each lane of a sweep another. It is to be called in
+//! order of time, and at one instant in the order of [`crate::agenda`].
+//!
+//! - **Meeting.** The first state is never lost on its link, because the two ends must meet.
+//! - **Overtaking.** A state is not handed over if a newer one was; a command does not take effect if a
+//!   newer one is in effect.
+//! - **Arrival.** A torque sets out when its state was answered; its link says when it arrives, or loses it.
+//! - **Hold.** The [`Actuator`] holds torque and echo; a command older than the command timeout does not
+//!   take effect, and a timeout ends the hold.
+//! - **Counting.** A state counts as sent when it is handed over, its command as lost, rejected or applied
+//!   when that happens.
+//! - **Divergence.** A joint speed of [`RUNAWAY`] or more, or one that is not a number, ends a run.
+
+use std::time::Duration;
+
+use mtj_model::{MAX_ECHO, MAX_JOINTS, scenario::Scenario};
+use mtj_protocol::bus::BusError;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    actuator::{Actuator, Command},
+    link::{Direction, Link},
+};
+
+/// A joint speed that no arm reaches, rad/s: from it on a run has diverged.
+pub const RUNAWAY: f64 = 1e4;
+
+/// What became of the commands that the plant asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Commands {
+    /// States handed to the controller, each asking for a command.
+    pub sent: u64,
+    /// Commands that came into effect.
+    pub applied: u64,
+    /// Commands that never came, or that a newer one had overtaken.
+    pub lost: u64,
+    /// Commands that came more than a sample period after their state was sent.
+    pub late: u64,
+    /// Torque samples that were not acceptable.
+    pub rejected: u64,
+}
+
+/// What happens to an answer when it sets out for the arm.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Departure {
+    /// It arrives at this instant, ns.
+    Arrives(u64),
+    /// Its link loses it.
+    Lost,
+    /// It is not finite.
+    Rejected,
+}
+
+/// The loop of an arm of `N` joints, or fewer, and a law with an echo of `E` numbers, or fewer.
+pub struct Sequencer<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
+    period_ns: u64,
+    memory_step_ns: u64,
+    timeout_ns: Option<u64>,
+    state_link: Link,
+    torque_link: Link,
+    actuator: Actuator<N, E>,
+    /// Number and instant of the sample that is taken next.
+    next_sequence: u64,
+    next_sample_ns: u64,
+    /// Number of the newest state that was handed over.
+    handed_over: Option<u64>,
+    commands: Commands,
+    timeouts: u64,
+    has_diverged: bool,
+}
+
+impl<const N: usize, const E: usize> Sequencer<N, E> {
+    /// Before the first sample.
+    pub fn new(scenario: &Scenario) -> Result<Self, BusError> {
+        let (links, seed) = (&scenario.link, scenario.seed);
+        Ok(Self {
+            period_ns: nanoseconds(scenario.timing.sample_period),
+            memory_step_ns: nanoseconds(scenario.law.memory.step),
+            timeout_ns: scenario.safety.command_timeout.map(nanoseconds),
+            state_link: Link::new(&links.state, Direction::State, seed)?,
+            torque_link: Link::new(&links.torque, Direction::Torque, seed)?,
+            actuator: Actuator::new(scenario),
+            next_sequence: 0,
+            next_sample_ns: 0,
+            handed_over: None,
+            commands: Commands::default(),
+            timeouts: 0,
+            has_diverged: false,
+        })
+    }
+
+    /// Takes on a scenario that was changed from `before` between two samples; if it fails, nothing
+    /// changes. A link that is as before goes on with its random numbers.
+    pub fn reconfigure(&mut self, before: &Scenario, scenario: &Scenario) -> Result<(), BusError> {
+        let (links, before) = (&scenario.link, &before.link);
+        let changed = |settings, before, direction| {
+            let link = || Link::new(settings, direction, scenario.seed);
+            (settings != before).then(link).transpose()
+        };
+        let state_link = changed(&links.state, &before.state, Direction::State)?;
+        let torque_link = changed(&links.torque, &before.torque, Direction::Torque)?;
+        if let Some(link) = state_link {
+            self.state_link = link;
+        }
+        if let Some(link) = torque_link {
+            self.torque_link = link;
+        }
+        self.actuator.adopt(scenario);
+        self.period_ns = nanoseconds(scenario.timing.sample_period);
+        self.memory_step_ns = nanoseconds(scenario.law.memory.step);
+        self.timeout_ns = scenario.safety.command_timeout.map(nanoseconds);
+        Ok(())
+    }
+
+    /// Takes the sample at `time_ns`; returns its number.
+    #[inline(always)]
+    pub fn sample(&mut self, time_ns: u64) -> u64 {
+        let sequence = self.next_sequence;
+        self.next_sequence += 1;
+        self.next_sample_ns = time_ns + self.period_ns;
+        sequence
+    }
+
+    /// Draws how long the state of this number travels, ns; `None` if it is lost. To be called once for
+    /// each number, in their order.
+    #[inline(always)]
+    pub fn state_transit(&mut self, sequence: u64) -> Option<u64> {
+        let transit = self.state_link.transit();
+        // The two ends must meet, so the first state is not lost; it may be late.
+        let kept = if sequence == 0 { Some(self.state_link.latency()) } else { None };
+        transit.or(kept).map(nanoseconds)
+    }
+
+    /// Hands the state of this number to the controller; false if a newer one has overtaken it.
+    #[inline(always)]
+    pub fn hand_over(&mut self, sequence: u64) -> bool {
+        if self.handed_over >= Some(sequence) {
+            return false;
+        }
+        self.handed_over = Some(sequence);
+        self.commands.sent += 1;
+        true
+    }
+
+    /// Draws what happens to the answer that sets out at `time_ns`; [`Self::count`] must follow.
+    #[inline(always)]
+    pub fn depart(&mut self, time_ns: u64, is_finite: bool) -> Departure {
+        if !is_finite {
+            return Departure::Rejected;
+        }
+        match self.torque_link.transit() {
+            Some(transit) => Departure::Arrives(time_ns + nanoseconds(transit)),
+            None => Departure::Lost,
+        }
+    }
+
+    /// Counts an answer to a state that was handed over.
+    #[inline(always)]
+    pub fn count(&mut self, departure: Departure) {
+        match departure {
+            Departure::Arrives(_) => {}
+            Departure::Lost => self.commands.lost += 1,
+            Departure::Rejected => self.commands.rejected += 1,
+        }
+    }
+
+    /// Puts a command into effect at `time_ns`; false, and lost, if a newer one has overtaken it, or if
+    /// it is so old that the arm had to be made safe: what was under way when a link broke is not for now.
+    #[inline(always)]
+    pub fn apply(&mut self, command: &Command<N, E>, time_ns: u64) -> bool {
+        let age_ns = time_ns.saturating_sub(command.sampled_ns);
+        let is_too_old = self.timeout_ns.is_some_and(|timeout| age_ns > timeout);
+        let is_applied = !is_too_old && self.actuator.apply(command, time_ns);
+        if is_applied {
+            self.commands.applied += 1;
+        } else {
+            self.commands.lost += 1;
+        }
+        is_applied
+    }
+
+    /// When commands have stayed away for too long if none comes after `time_ns`, and how many have come
+    /// into effect by then.
+    pub fn deadline(&self, time_ns: u64) -> Option<(u64, u64)> {
+        self.timeout_ns.map(|timeout| (time_ns + timeout, self.actuator.commands()))
+    }
+
+    /// The end of a deadline: if no more than this number of commands have come into effect, none has
+    /// come for too long.
+    pub fn time_out(&mut self, commands: u64, time_ns: u64) {
+        if commands == self.actuator.commands() {
+            self.timeouts += 1;
+            self.actuator.time_out(time_ns);
+        }
+    }
+
+    /// Takes in true joint velocities, rad/s.
+    #[inline(always)]
+    pub fn observe(&mut self, velocity: &[f64; N]) {
+        // Written so that a NaN counts as diverged.
+        self.has_diverged = !velocity.iter().all(|speed| speed.abs() < RUNAWAY);
+    }
+
+    /// Counts commands that will not come.
+    pub fn lose(&mut self, commands: u64) {
+        self.commands.lost += commands;
+    }
+
+    /// Counts an answer as late if its round trip took longer than a sample period.
+    pub fn note_round_trip(&mut self, round_trip_ns: u64) {
+        self.commands.late += u64::from(round_trip_ns > self.period_ns);
+    }
+
+    /// The mean echo over the memory step that ends at `time_ns`, a sampling instant.
+    #[inline(always)]
+    pub fn delivered(&mut self, time_ns: u64) -> [f64; E] {
+        self.actuator.delivered(time_ns, self.memory_step_ns)
+    }
+
+    /// What is held.
+    #[inline(always)]
+    pub fn actuator(&self) -> &Actuator<N, E> {
+        &self.actuator
+    }
+
+    /// Whether the arm ran away.
+    #[inline(always)]
+    pub fn has_diverged(&self) -> bool {
+        self.has_diverged
+    }
+
+    /// From one sample to the next, ns.
+    #[inline(always)]
+    pub fn period_ns(&self) -> u64 {
+        self.period_ns
+    }
+
+    /// Number of the next sample.
+    #[inline(always)]
+    pub fn next_sequence(&self) -> u64 {
+        self.next_sequence
+    }
+
+    /// When the next sample is taken, ns.
+    #[inline(always)]
+    pub fn next_sample_ns(&self) -> u64 {
+        self.next_sample_ns
+    }
+
+    /// The counts so far.
+    pub fn commands(&self) -> Commands {
+        self.commands
+    }
+
+    /// How often commands stayed away for longer than the command timeout.
+    pub fn timeouts(&self) -> u64 {
+        self.timeouts
+    }
+}
+
+#[inline(always)]
+pub(crate) fn nanoseconds(duration: Duration) -> u64 {
+    duration.as_nanos() as u64
+}

@@ -1,0 +1,51 @@
+//! Where the tip is in truth, and how far that is from where it should be.
+
+use mtj_model::{
+    arm::{Kinematics, planar::Configuration},
+    for_axes, for_links,
+    law::first,
+    scenario::Scenario,
+    task::Task,
+};
+use mtj_protocol::sample::Axes;
+use nalgebra::SVector;
+
+use crate::engine::State;
+
+/// The truth about the tip at an instant; entries past the task's axes are zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tracked {
+    /// The tip, m.
+    pub tip: Axes,
+    /// Where it should be, m.
+    pub desired: Axes,
+    /// e = desired ⊖ actual, m.
+    pub error: Axes,
+}
+
+/// Tells the truth about the tip of a scenario's arm from its state.
+pub struct Tracking(Box<dyn Fn(&State) -> Tracked>);
+
+impl Tracking {
+    /// With the kinematics of a scenario's arm and its desired motion.
+    pub fn new(scenario: &Scenario) -> Self {
+        let trajectory = scenario.trajectory;
+        Self(for_links!(scenario.arm.links.len(), N => for_axes!(scenario.task, M => {
+            let arm = scenario.arm.build::<N>();
+            Box::new(move |state| {
+                let joints = |list: &[f64]| SVector::<f64, N>::from_column_slice(&list[..N]);
+                let at = Configuration::new(&joints(&state.position), &joints(&state.velocity));
+                let tip: SVector<f64, M> = arm.tip(&at);
+                let desired = trajectory.at::<M>(state.time_ns as f64 * 1e-9).point;
+                let error: SVector<f64, M> = Task::difference(&desired, &tip);
+                let axes = |list: &SVector<f64, M>| Axes::from(first(list));
+                Tracked { tip: axes(&tip), desired: axes(&desired), error: axes(&error) }
+            })
+        })))
+    }
+
+    /// The truth about the tip in a state.
+    pub fn at(&self, state: &State) -> Tracked {
+        (self.0)(state)
+    }
+}
