@@ -110,6 +110,7 @@ impl<T: Scalar, const M: usize> Equation<T, M> for ModifiedTransposeJacobian<T, 
     ) -> Command<T, N> {
         let term = self
             .acceleration
+            .as_ref()
             .map(|mass| mass.times(&(now.desired.acceleration - now.acceleration), now));
         let memory = now.memory.map(first);
         let answer =
