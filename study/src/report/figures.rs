@@ -23,9 +23,9 @@ pub const SHOWN: [(&str, &str, f64); 5] = [
 ];
 
 /// What the line in maps of latency over the sample period means.
-pub const LIMIT: &str = "predicted limit at k = 0.99:\n\
-                         about where the error\n\
-                         is 1 % of the thresholds";
+pub const LIMIT: &str = "predicted limit, for\n\
+                         k = 0.99 where k varies:\n\
+                         beyond it errors grow";
 
 /// The name of each figure's files with its SVG document.
 pub fn all(plan: &Plan, layout: &Layout, cells: &[Cell], limits: &Limits) -> Vec<(String, String)> {
