@@ -16,7 +16,7 @@ fn actuator(sets: &[&str]) -> Actuator {
 
 fn command(sequence: u64, torque: [f64; 2], force: [f64; 2]) -> TorqueSample {
     let header = Header { sequence, time_ns: sequence * 10 * MS, ..Header::default() };
-    TorqueSample { header, torque: padded(&torque), force: padded(&force), ..Default::default() }
+    TorqueSample { header, torque: padded(&torque), echo: padded(&force), ..Default::default() }
 }
 
 #[test]
@@ -60,7 +60,7 @@ fn delivered_is_the_exact_mean_over_the_memory_step() {
 #[test]
 fn delivered_over_one_period_is_the_held_force_if_nothing_changes() {
     let mut actuator = actuator(&["law.memory.policy=delivered"]);
-    assert_eq!(actuator.delivered(0, 10 * MS), [0.0; 6]);
+    assert_eq!(actuator.delivered(0, 10 * MS), [0.0; 7]);
     actuator.apply(&command(0, [1.0, 1.0], [3.0, 4.0]), 0);
     for sample in 1..2000 {
         let delivered = actuator.delivered(sample * 10 * MS, 10 * MS);
@@ -88,7 +88,7 @@ fn after_a_timeout_no_task_force_counts_as_delivered() {
     actuator.apply(&command(0, [1.0, 1.0], [10.0, 20.0]), 0);
     actuator.time_out(4 * MS);
     assert_eq!(actuator.torque(&[1.0; 7]), [0.0; 7]);
-    assert_eq!(actuator.applied(), [0.0; 6]);
+    assert_eq!(actuator.applied(), [0.0; 7]);
     let delivered = actuator.delivered(10 * MS, 10 * MS);
     assert!((delivered[0] - 4.0).abs() < 1e-12 && (delivered[1] - 8.0).abs() < 1e-12);
 }

@@ -25,7 +25,7 @@ fn answer(state: &StateSample, torque: [f64; 2], force: [f64; 2]) -> TorqueSampl
     TorqueSample {
         header: state.header.answer(),
         torque: padded(&torque),
-        force: padded(&force),
+        echo: padded(&force),
         ..Default::default()
     }
 }
@@ -56,7 +56,7 @@ fn a_torque_that_is_not_finite_never_reaches_the_arm() {
     let outcome = run(&[], falls_silent);
     assert_eq!(outcome.trace.len(), 100);
     for row in &outcome.trace {
-        let numbers = row.position.iter().chain(&row.velocity).chain(&row.torque).chain(&row.force);
+        let numbers = row.position.iter().chain(&row.velocity).chain(&row.torque).chain(&row.echo);
         assert!(numbers.copied().all(f64::is_finite), "{row:?}");
     }
     let commands = outcome.report.commands;
@@ -67,7 +67,7 @@ fn a_torque_that_is_not_finite_never_reaches_the_arm() {
 #[test]
 fn without_a_command_timeout_the_last_torque_is_held_for_ever() {
     for row in after(&run(&[], falls_silent), 0.0) {
-        assert_eq!((&row.torque[..2], &row.force[..2]), (&[1.0, 0.5][..], &[2.0, -3.0][..]));
+        assert_eq!((&row.torque[..2], &row.echo[..2]), (&[1.0, 0.5][..], &[2.0, -3.0][..]));
     }
 }
 
@@ -95,7 +95,7 @@ fn on_timeout_damp_brakes_the_joints() {
         for joint in 0..2 {
             assert_eq!(row.torque[joint], -40.0 * row.velocity[joint], "at {} s", row.time);
         }
-        assert_eq!(row.force[..2], [0.0, 0.0]);
+        assert_eq!(row.echo[..2], [0.0, 0.0]);
     }
     let speed = |row: &Row| row.velocity[0].hypot(row.velocity[1]);
     let (first, last) = (&outcome.trace[13], &outcome.trace[99]);
@@ -144,7 +144,7 @@ fn a_command_takes_effect_its_latency_after_the_sample() {
         // 13 ms later: what sample k − 2 gave rise to is in effect at sample k.
         assert_eq!(row.torque[0], (k as f64 - 1.0).max(0.0), "sample {k}");
         let echoed = if k < 4 { 0.0 } else { 13e6 };
-        assert_eq!(row.force[0], echoed, "sample {k} echoes the latency of the command before");
+        assert_eq!(row.echo[0], echoed, "sample {k} echoes the latency of the command before");
     }
 }
 
