@@ -187,7 +187,7 @@ fn runs_with_other_masses_and_thresholds_lie_side_by_side() {
         };
         (0..11).map(|i| Scenario::load("sampled/mtj", &sets(i)).unwrap()).collect()
     };
-    let list = |x: f64, y: f64| vec![x, y].into();
+    let list = |x: f64, y: f64| -> toml::Value { vec![x, y].into() };
     let tdc = |mass: toml::Value| {
         let gains = [("law.kp", 8.0), ("law.kd", 4.0)];
         let gains = gains.map(|(key, gain)| Override::value(key, gain.into()));

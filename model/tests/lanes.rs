@@ -190,7 +190,7 @@ impl Work for InLanes<'_> {
 fn each_lane_of_an_enum_and_an_option_has_its_own_numbers() {
     let spring = |i: f64| Joint { hold: Hold::Spring(i), limit: Some(10.0 * i) };
     let damped = |i: f64| Joint { hold: Hold::Damped(i, -i), limit: None };
-    let free = |_| Joint { hold: Hold::Free, limit: None };
+    let free = |_: f64| Joint { hold: Hold::Free, limit: None };
     let kinds: [fn(f64) -> Joint<f64>; 3] = [spring, damped, free];
     for joints in kinds.map(|joint| [1.0, 2.0, 3.0, 4.0].map(joint)) {
         for width in Width::all() {
