@@ -72,7 +72,9 @@ class Law:
         self.memory = {"policy": "sent", "step": scenario["timing"]["sample_period"]} | law.get("memory", {})
         if (law["kind"] not in ("tj", "mtj") or "prediction" in law
                 or path["kind"] == "point-to-point" or not {"switch", "exponential"} & {self.factor["kind"]}
-                or not all(isinstance(law[gain], (int, float)) for gain in ("kp", "kd"))):
+                or not all(isinstance(number, (int, float)) for number in (
+                    law["kp"], law["kd"], self.factor["error"], self.factor["error_rate"]))
+                or law.get("acceleration") and law.get("mass", 1) != 1):
             sys.exit("controller.py: this example does not know the scenario's law or path")
         self.lengths = [link["length"] for link in scenario["arm"]["links"]]
         self.kp, self.kd, self.remembers = law["kp"], law["kd"], law["kind"] == "mtj"

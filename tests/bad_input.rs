@@ -42,6 +42,13 @@ fn bad_values_are_refused_by_key_and_value() {
         ("law.kp=[1, 2, 3]", &["law.kp", "[1, 2, 3]", "list of 2"]),
         ("law.kd=[[1, 2], [2, 1]]", &["law.kd", "[[1, 2], [2, 1]]", "positive definite"]),
         ("law.memory.step=15ms", &["law.memory.step", "15ms", "multiple"]),
+        ("law.mass=-1", &["law.mass = -1", "positive definite", "one number", "task-inertia"]),
+        ("law.mass=[[1, 2], [2, 1]]", &["law.mass", "[[1, 2], [2, 1]]", "positive definite"]),
+        ("law.mass=[1, 2, 3]", &["law.mass", "[1, 2, 3]", "list of 2"]),
+        ("law.mass=heavy", &["law.mass", "\"heavy\"", "one number", "\"task-inertia\""]),
+        ("law.factor.error=[1, 0]", &["law.factor.error", "[1, 0]", "greater than 0", "list of 2"]),
+        ("law.factor.kind=sure", &["law.factor.kind", "\"sure\"", "\"constant\""]),
+        ("task.kind=space", &["task.kind", "\"space\"", "\"plane\""]),
         ("bus.kind=smoke", &["bus.kind", "smoke", "zenoh"]),
         ("law.kp", &["law.kp", "KEY=VALUE"]),
     ] {
@@ -52,6 +59,61 @@ fn bad_values_are_refused_by_key_and_value() {
                 &[&["--set"], words].concat(),
             );
         }
+    }
+}
+
+#[test]
+fn a_key_that_only_another_law_reads_is_checked() {
+    let session = Session::on("local");
+    for (kind, set, words) in [
+        ("tj", "law.factor.error=-1", &["law.factor.error = -1", "greater than 0"][..]),
+        ("tj", "law.mass=heavy", &["law.mass = \"heavy\"", "task-inertia"]),
+        ("mb", "law.acceleration=perhaps", &["law.acceleration = \"perhaps\"", "true or false"]),
+        ("tdc", "law.acceleration=1", &["law.acceleration = 1", "true or false"]),
+    ] {
+        let kind = format!("law.kind={kind}");
+        let arguments = ["scenario", "check", "--set", &kind, "--set", "law.mass=2", "--set", set];
+        assert_refused(&session, &arguments, &[&["--set"], words].concat());
+    }
+}
+
+/// A scenario with one link, which has no task inertia in the plane.
+fn one_link(law: &str) -> String {
+    let text = mtj_model::scenario::built_in("sampled/mtj").unwrap();
+    let (before, rest) = text.split_once("    { length = 1.0, mass = 3.0").unwrap();
+    let (_, after) = rest.split_once("]\n").unwrap();
+    format!("{before}]\n{after}")
+        .replace("position = [0.03, 1.5707963267948966]", "position = [0.03]")
+        .replace("velocity = [1.5, -1.0]", "velocity = [1.5]")
+        .replace("kind = \"mtj\"", law)
+}
+
+#[test]
+fn a_mass_that_a_law_needs_and_does_not_have_is_refused() {
+    let session = Session::on("local");
+    let write = |name: &str, text: &str| fs::write(session.directory.join(name), text).unwrap();
+    let check = |file: &str, words: &[&str]| {
+        let words = [&[file], words].concat();
+        for command in [&["run", "--json"][..], &["scenario", "check"]] {
+            let arguments = [command, &["--scenario", file]].concat();
+            assert_refused(&session, &arguments, &words);
+        }
+    };
+    let rank = ["law.mass = \"task-inertia\"", "a number", "rank", "1 joints for 2 task axes"];
+    write("tdc.toml", &one_link("kind = \"tdc\"\nmass = \"task-inertia\""));
+    check("tdc.toml", &rank);
+    let with_term = "kind = \"mtj\"\nacceleration = true\nmass = \"task-inertia\"";
+    write("mtj.toml", &one_link(with_term));
+    check("mtj.toml", &rank);
+    write("none.toml", &one_link("kind = \"tdc\""));
+    check("none.toml", &["law.mass is missing", "one number", "task-inertia"]);
+    write("wide.toml", &one_link("kind = \"tdc\"\nmass = [1, 2, 3]"));
+    check("wide.toml", &["law.mass = [1, 2, 3]", "list of 2"]);
+    write("space.toml", &format!("{}\n[task]\nkind = \"space\"\n", one_link("kind = \"tj\"")));
+    check("space.toml", &["task.kind = \"space\"", "\"plane\""]);
+    // With a number it is a law like any other, and without the term mtj needs no mass.
+    for law in ["kind = \"tdc\"\nmass = 2", "kind = \"mtj\"\nmass = \"task-inertia\""] {
+        mtj_model::scenario::Scenario::parse("here", &one_link(law), &[]).unwrap();
     }
 }
 

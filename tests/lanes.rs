@@ -32,6 +32,16 @@ variants = [
     { name = "mtj switch", set = { "law.factor.kind" = "switch", "law.factor.error" = 0.05, "law.factor.error_rate" = 0.5 } },
     { name = "mtj acceleration", set = { "law.acceleration" = true, "law.kp" = [30, 40], "law.kd" = [[60, 5], [5, 50]] } },
     { name = "mb", set = { "law.kind" = "mb", "law.kp" = 8, "law.kd" = 4, "law.model.mass_scale" = 1.1 } },
+    { name = "mtj mass", set = { "law.acceleration" = true, "law.mass" = [0.5, 0.8], "law.memory.policy" = "delivered", "law.factor.ceiling" = 0.9 } },
+    { name = "mtj full mass", set = { "law.acceleration" = true, "law.mass" = [[0.8, 0.1], [0.1, 0.5]], "law.memory.policy" = "delivered", "law.factor.ceiling" = 0.9 } },
+    { name = "mtj task inertia", set = { "law.acceleration" = true, "law.mass" = "task-inertia", "law.memory.policy" = "delivered", "law.factor.ceiling" = 0.9, "law.model.mass_scale" = 0.3 } },
+    { name = "mtj axes", set = { "law.factor.error" = [0.5, 1.0], "law.factor.error_rate" = [5, 8] } },
+    { name = "mtj switch axes", set = { "law.factor.kind" = "switch", "law.factor.error" = [0.05, 0.1], "law.factor.error_rate" = [0.5, 0.8] } },
+    { name = "mtj constant", set = { "law.factor.kind" = "constant", "law.factor.ceiling" = 0.9, "law.memory.policy" = "delivered" } },
+    { name = "tdc", set = { "law.kind" = "tdc", "law.kp" = 8, "law.kd" = 4, "law.mass" = 1.5, "law.factor.kind" = "constant", "law.memory.policy" = "delivered" } },
+    { name = "tdc list", set = { "law.kind" = "tdc", "law.kp" = 8, "law.kd" = 4, "law.mass" = [1.0, 1.5], "law.factor.kind" = "constant", "law.factor.ceiling" = 0.9, "law.memory.policy" = "applied" } },
+    { name = "tdc full", set = { "law.kind" = "tdc", "law.kp" = [8, 9], "law.kd" = 4, "law.mass" = [[1.5, 0.2], [0.2, 1.0]], "law.memory.policy" = "delivered" } },
+    { name = "tdc task inertia", set = { "law.kind" = "tdc", "law.kp" = 8, "law.kd" = 4, "law.mass" = "task-inertia", "law.factor.kind" = "constant", "law.memory.policy" = "delivered" } },
     { name = "mb ahead", set = { "law.kind" = "mb", "law.kp" = 8, "law.kd" = 4, "law.prediction.horizon" = "3 ms" } },
 ]
 
@@ -157,6 +167,57 @@ fn a_result_depends_neither_on_its_lane_nor_on_its_neighbours_nor_on_the_width_o
     }
     for width in Width::all() {
         assert!(in_width(width, &scenarios) == expected, "{width:?}");
+    }
+}
+
+#[test]
+fn runs_with_other_masses_and_thresholds_lie_side_by_side() {
+    let each = |law: &dyn Fn(f64) -> Vec<Override>, step: &str| -> Vec<Scenario> {
+        let fixed = [
+            ("timing.clock", "lockstep"),
+            ("duration", "3 s"),
+            ("timing.integration_step", step),
+            ("law.memory.policy", "delivered"),
+            ("law.factor.kind", "constant"),
+        ];
+        let sets = |i| {
+            let mut sets = fixed.map(|(key, value)| set(key, value)).to_vec();
+            sets.extend(law(1.0 + 0.05 * f64::from(i)));
+            sets
+        };
+        (0..11).map(|i| Scenario::load("sampled/mtj", &sets(i)).unwrap()).collect()
+    };
+    let list = |x: f64, y: f64| -> toml::Value { vec![x, y].into() };
+    let tdc = |mass: toml::Value| {
+        let gains = [("law.kp", 8.0), ("law.kd", 4.0)];
+        let gains = gains.map(|(key, gain)| Override::value(key, gain.into()));
+        let mut sets = vec![set("law.kind", "tdc"), Override::value("law.mass", mass)];
+        sets.extend(gains);
+        sets
+    };
+    let of_mass: [&dyn Fn(f64) -> Vec<Override>; 4] = [
+        &|x| tdc(x.into()),
+        &|x| tdc(list(x, 2.5 - x)),
+        &|x| tdc(vec![list(x, 0.2 * x), list(-0.1, 1.0)].into()),
+        &|x| {
+            let thresholds = Override::value("law.factor.error", list(x, 0.5 * x));
+            vec![set("law.factor.kind", "exponential"), thresholds]
+        },
+    ];
+    for law in of_mass {
+        let (scenarios, fine) = (each(law, "auto"), each(law, "0.1 ms"));
+        let structure = lanes::structure(&scenarios[0]);
+        assert!(scenarios.iter().all(|scenario| lanes::structure(scenario) == structure));
+        let ours = in_lanes(&scenarios);
+        let mut errors = Vec::new();
+        for (i, ours) in ours.iter().enumerate() {
+            assert_eq!(*ours, in_lanes(&scenarios[i..=i])[0], "alone");
+            let (ours, theirs) = (ours.as_ref().unwrap(), reference(&fine[i]).unwrap());
+            assert!(is_close(ours.rms_error_m, theirs.rms_error_m, 1e-9), "{ours:?}, {theirs:?}");
+            assert!(is_close(ours.energy_j, theirs.energy_j, 1e-4), "{ours:?}, {theirs:?}");
+            errors.push(ours.rms_error_m.unwrap());
+        }
+        assert!(errors.windows(2).all(|pair| pair[0] != pair[1]), "each has its own: {errors:?}");
     }
 }
 

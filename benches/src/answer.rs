@@ -10,6 +10,9 @@ use mtj_protocol::sample::{Header, StateSample, VERSION, padded};
 
 use crate::{law::Law, meter::Meter};
 
+/// Of the task, which is the plane.
+pub const AXES: usize = 2;
+
 /// A power of two, so that it costs nothing to start again.
 const STATES: usize = 64;
 
@@ -47,12 +50,14 @@ fn scenario(links: usize, law: Law, memory: &str, prediction: bool) -> Scenario 
         Law::MtjExponential => ("mtj", "exponential"),
         Law::MtjDiagonal => ("mtj", "diagonal"),
         Law::Mb => ("mb", "exponential"),
+        Law::Tdc => ("tdc", "constant"),
     };
     let mut sets = vec![
         format!("arm.links=[{}]", vec![link; links].join(", ")),
         format!("arm.position={position:?}"),
         format!("arm.velocity={velocity:?}"),
         format!("law.kind={kind}"),
+        "law.mass=2.0".to_owned(),
         format!("law.factor.kind={factor}"),
         "law.factor.error=10.0".to_owned(),
         "law.factor.error_rate=100.0".to_owned(),
@@ -78,7 +83,7 @@ fn state(links: usize, k: usize) -> StateSample {
     let header = Header {
         version: VERSION,
         joints: links as u32,
-        axes: mtj_model::PLANE as u32,
+        axes: AXES as u32,
         run: 1,
         sequence: k as u64,
         time_ns: k as u64 * 10_000_000,

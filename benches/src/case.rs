@@ -64,9 +64,13 @@ impl fmt::Display for Case {
 }
 
 impl Case {
-    /// Whether there is such a law: mb inverts the Jacobian, which in the plane is square only for two links.
+    /// Whether there is such a law: mb inverts the Jacobian, which in the plane is square only for two links,
+    /// and the paper has no tdc.
     pub fn exists(&self) -> bool {
-        self.setting == Setting::Paper || self.law != Law::Mb || self.links == mtj_model::PLANE
+        match (self.setting, self.law) {
+            (Setting::Paper, law) => law != Law::Tdc,
+            (Setting::Loop { .. }, law) => law != Law::Mb || self.links == answer::AXES,
+        }
     }
 
     /// The cases of some settings, in the order in which they are measured.

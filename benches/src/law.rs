@@ -15,12 +15,14 @@ pub enum Law {
     MtjDiagonal,
     /// Eq. (4).
     Mb,
+    /// Time-delay control with a mass that is a number.
+    Tdc,
 }
 
 impl Law {
     /// All of them, tj first.
-    pub const ALL: [Self; 5] =
-        [Self::Tj, Self::MtjSwitch, Self::MtjExponential, Self::MtjDiagonal, Self::Mb];
+    pub const ALL: [Self; 6] =
+        [Self::Tj, Self::MtjSwitch, Self::MtjExponential, Self::MtjDiagonal, Self::Mb, Self::Tdc];
 
     /// mtj's three.
     pub const MTJ: [Self; 3] = [Self::MtjSwitch, Self::MtjExponential, Self::MtjDiagonal];
@@ -34,6 +36,7 @@ impl fmt::Display for Law {
             Self::MtjExponential => "mtj (15a)",
             Self::MtjDiagonal => "mtj (15b)",
             Self::Mb => "mb",
+            Self::Tdc => "tdc",
         })
     }
 }

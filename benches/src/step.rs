@@ -3,10 +3,19 @@
 
 use std::hint::black_box;
 
-use mtj_controller::law::{
-    Factor, ModelBased, ModifiedTransposeJacobian, TrackingError, TransposeJacobian,
+use mtj_model::{
+    arm::TaskDynamics,
+    for_links,
+    gains::Gains,
+    law::{
+        factor::{Factor, FactorKind, Threshold},
+        mb::ModelBased,
+        mtj::ModifiedTransposeJacobian,
+        tj::TransposeJacobian,
+    },
+    matrix,
+    task::TrackingError,
 };
-use mtj_model::{for_links, gains::Gains, matrix, task::TaskDynamics};
 use nalgebra::{SMatrix, SVector};
 
 use crate::{law::Law, meter::Meter};
@@ -47,6 +56,7 @@ fn measure_at<const N: usize>(law: Law, meter: &mut impl Meter) {
             let answer = laws.mtj.task_force(&given.error, Some(&given.remembered), None);
             black_box(given.torque(&answer.force));
         }),
+        Law::Tdc => {}
         Law::Mb => meter.measure(|| {
             let (laws, given) = black_box((&laws, &given));
             let dynamics = TaskDynamics::new(
@@ -64,19 +74,20 @@ fn measure_at<const N: usize>(law: Law, meter: &mut impl Meter) {
 impl<const N: usize> Laws<N> {
     fn new(law: Law) -> Self {
         let (kp, kd) = (Gains::Full(full(30.0)), Gains::Full(full(60.0)));
-        let (error, error_rate) = (10.0, 100.0);
-        let factor = match law {
-            Law::MtjSwitch => Factor::Switch { error, error_rate },
-            Law::MtjDiagonal => Factor::Diagonal {
-                error: SVector::repeat(error),
-                error_rate: SVector::repeat(error_rate),
-            },
-            Law::Tj | Law::MtjExponential | Law::Mb => Factor::Exponential { error, error_rate },
+        let kind = match law {
+            Law::MtjSwitch => FactorKind::Switch,
+            Law::MtjDiagonal => FactorKind::Diagonal,
+            Law::Tj | Law::MtjExponential | Law::Mb | Law::Tdc => FactorKind::Exponential,
         };
+        let (error, error_rate) = match kind {
+            FactorKind::Diagonal => (each(10.0), each(100.0)),
+            _ => (Threshold::Same(10.0), Threshold::Same(100.0)),
+        };
+        let factor = Factor { kind, error, error_rate, ceiling: None };
         let tj = TransposeJacobian { kp, kd };
         Self {
             tj,
-            mtj: ModifiedTransposeJacobian { tj, factor, ceiling: None },
+            mtj: ModifiedTransposeJacobian { tj, factor, acceleration: None },
             mb: ModelBased { kp, kd },
         }
     }
@@ -99,6 +110,11 @@ impl<const N: usize> Given<N> {
     fn torque(&self, force: &SVector<f64, N>) -> SVector<f64, N> {
         matrix::transpose_times(&self.jacobian, force)
     }
+}
+
+/// A threshold for each axis, as eq. (15b) has it.
+fn each<const N: usize>(threshold: f64) -> Threshold<f64, N> {
+    Threshold::Each(SVector::repeat(threshold))
 }
 
 fn vector<const N: usize>(seed: f64) -> SVector<f64, N> {

@@ -60,7 +60,8 @@ impl fmt::Display for LawError {
             Self::Singular { law, time } => write!(
                 f,
                 "law.kind = \"{law}\" inverts the Jacobian, which is singular at t = {time} s; keep the \
-                 path away from the rim of the workspace, or use tj or mtj, which need no inverse"
+                 path away from the rim of the workspace, or use a law that needs no inverse: tj, or mtj or \
+                 tdc with a number for law.mass"
             ),
             Self::Joints { expected, found } => {
                 write!(f, "the state sample has {found} joints, the scenario's arm {expected}")

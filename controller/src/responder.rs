@@ -53,10 +53,10 @@ pub struct Response<T, P, const N: usize, const M: usize> {
     pub tip: Tip<T, P, M>,
 }
 
-/// |J| |J⁻¹| beyond which a Jacobian counts as singular.
+/// |A| |A⁻¹| beyond which a matrix A that a law inverts, J or J H⁻¹ Jᵀ, counts as singular.
 const WORST_CONDITION: f64 = 1e9;
 
-/// Whether |J| |J⁻¹| is that of a Jacobian without a usable inverse, or not even a number.
+/// Whether |A| |A⁻¹| is that of a matrix without a usable inverse, or not even a number.
 pub fn is_singular(condition: f64) -> bool {
     condition > WORST_CONDITION || condition.is_nan()
 }

@@ -134,7 +134,7 @@ fn tj_allocates_nothing() {
 #[test]
 fn mtj_allocates_nothing_with_any_factor_memory_or_prediction() {
     for links in 2..=7 {
-        for factor in ["switch", "exponential", "diagonal"] {
+        for factor in ["constant", "switch", "exponential", "diagonal"] {
             for memory in ["sent", "applied", "delivered"] {
                 let factor = format!("law.factor.kind={factor}");
                 let memory = format!("law.memory.policy={memory}");
@@ -157,6 +157,24 @@ fn mb_allocates_nothing() {
         assert_free(2, &["law.kind=mb", &scale]);
         for prediction in PREDICTIONS {
             assert_free(2, &["law.kind=mb", &scale, prediction]);
+        }
+    }
+}
+
+#[test]
+fn tdc_and_eq_11_allocate_nothing_with_any_mass() {
+    for links in 2..=7 {
+        for mass in ["2.5", "[2, 3]", "[[2, 0.1], [0.1, 3]]", "task-inertia"] {
+            let mass = format!("law.mass={mass}");
+            assert_free(links, &["law.kind=mtj", "law.acceleration=true", &mass]);
+            for memory in ["sent", "applied", "delivered"] {
+                let memory = format!("law.memory.policy={memory}");
+                let law = ["law.kind=tdc", "law.factor.kind=constant", &mass, &memory];
+                assert_free(links, &law);
+                for prediction in PREDICTIONS {
+                    assert_free(links, &[&law[..], &[prediction]].concat());
+                }
+            }
         }
     }
 }

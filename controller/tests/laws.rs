@@ -1,4 +1,4 @@
-//! The three laws against values worked out by hand in `by_hand`.
+//! The laws of the paper against values worked out by hand in `by_hand`.
 
 #![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
 
@@ -10,7 +10,7 @@ use by_hand::{
 };
 use mtj_controller::{Controller, LawError};
 use mtj_model::scenario::{Override, Scenario, built_in};
-use mtj_protocol::sample::{StateSample, VERSION};
+use mtj_protocol::sample::{Echo, StateSample, VERSION, text_of};
 
 const POSTURES: [(Plane, Plane); 3] =
     [([0.03, 1.57], [1.5, -1.0]), ([-0.4, 0.9], [0.2, 2.0]), ([2.0, -1.2], [-0.7, 0.1])];
@@ -27,11 +27,11 @@ fn tj_is_springs_and_dampers_at_the_tip() {
         let answer = controller.respond(&state).unwrap();
         let (e, rate) = tracking_error(&state);
         let force = mix(150.0, e, 300.0, rate);
-        assert_close(&answer.force, force, "Q̂");
+        assert_close(&answer.echo, force, "Q̂");
         assert_close(&answer.torque, transpose_times(jacobian(joints(&state).0), force), "τ");
         assert_close(&controller.error().error, e, "e");
         assert_close(&controller.error().error_rate, rate, "ė");
-        assert_eq!(controller.error().law, 0);
+        assert_eq!(text_of(&controller.error().law), "tj");
     }
 }
 
@@ -44,17 +44,13 @@ fn gains_may_be_diagonal_or_full() {
     };
     let (e, rate) = tracking_error(&state);
     let diagonal = respond("[30, 40]", "[60, 70]");
-    assert_close(
-        &diagonal.force,
-        [30.0 * e[0] + 60.0 * rate[0], 40.0 * e[1] + 70.0 * rate[1]],
-        "Q̂",
-    );
+    assert_close(&diagonal.echo, [30.0 * e[0] + 60.0 * rate[0], 40.0 * e[1] + 70.0 * rate[1]], "Q̂");
     let as_full = respond("[[30, 0], [0, 40]]", "[[60, 0], [0, 70]]");
     assert_eq!(diagonal, as_full, "a full matrix with a zero off its diagonal");
     let full = respond("[[30, 5], [-2, 40]]", "[[60, 7], [3, 70]]");
     let spring = times([[30.0, 5.0], [-2.0, 40.0]], e);
     let damper = times([[60.0, 7.0], [3.0, 70.0]], rate);
-    assert_close(&full.force, mix(1.0, spring, 1.0, damper), "rows are rows");
+    assert_close(&full.echo, mix(1.0, spring, 1.0, damper), "rows are rows");
 }
 
 #[test]
@@ -89,12 +85,12 @@ fn what_was_foreseen_changes_no_answer() {
 }
 
 /// The second answer of mtj, the force of the first, and the second state's errors.
-fn second_answer(sets: &[&str]) -> (Controller, [f64; 6], Plane, Plane, Plane) {
+fn second_answer(sets: &[&str]) -> (Controller, Echo, Plane, Plane, Plane) {
     let mut controller = controller(sets);
     let first = *controller.respond(&swinging(0)).unwrap();
     let second = *controller.respond(&swinging(10)).unwrap();
     let (e, rate) = tracking_error(&swinging(10));
-    (controller, second.force, [first.force[0], first.force[1]], e, rate)
+    (controller, second.echo, [first.echo[0], first.echo[1]], e, rate)
 }
 
 fn assert_regulated(sets: &[&str], k: impl Fn(Plane, Plane) -> Plane) {
@@ -103,9 +99,9 @@ fn assert_regulated(sets: &[&str], k: impl Fn(Plane, Plane) -> Plane) {
     let memory = [k[0] * previous[0], k[1] * previous[1]];
     let tj = mix(30.0, e, 60.0, rate);
     assert_close(&force, mix(1.0, tj, 1.0, memory), "Q̂");
-    assert_close(&controller.error().factor, k, "k");
-    assert_close(&controller.error().memory, memory, "h");
-    assert_eq!(controller.error().law, 1);
+    assert_close(controller.error().signal("factor").unwrap(), k, "k");
+    assert_close(controller.error().signal("memory").unwrap(), memory, "h");
+    assert_eq!(text_of(&controller.error().law), "mtj");
 }
 
 #[test]
@@ -116,12 +112,12 @@ fn the_first_answer_of_mtj_is_plain_tj_under_every_memory() {
             let sets = [&policy, &format!("law.factor.kind={kind}")];
             let mut controller = controller(&sets.map(String::as_str));
             let mut first = swinging(500);
-            (first.applied, first.delivered) = ([11.0; 6], [-13.0; 6]);
+            (first.applied, first.delivered) = ([11.0; 7], [-13.0; 7]);
             let (e, rate) = tracking_error(&first);
             let answer = controller.respond(&first).unwrap();
-            assert_close(&answer.force, mix(30.0, e, 60.0, rate), "Q̂");
-            assert_close(&controller.error().factor, [0.0; 2], "k");
-            assert_close(&controller.error().memory, [0.0; 2], "h");
+            assert_close(&answer.echo, mix(30.0, e, 60.0, rate), "Q̂");
+            assert_close(controller.error().signal("factor").unwrap(), [0.0; 2], "k");
+            assert_close(controller.error().signal("memory").unwrap(), [0.0; 2], "h");
         }
     }
 }
@@ -162,6 +158,70 @@ fn eq_15b_fades_on_each_axis_alone() {
     });
 }
 
+/// ‖E⁻¹ x‖.
+fn relative(x: Plane, thresholds: Plane) -> f64 {
+    norm([x[0] / thresholds[0], x[1] / thresholds[1]])
+}
+
+#[test]
+fn thresholds_of_eq_15a_may_differ_between_the_axes() {
+    let sets = [
+        "law.factor.kind=exponential",
+        "law.factor.error=[0.3, 0.7]",
+        "law.factor.error_rate=[2.5, 0.9]",
+    ];
+    let k = |e, rate| (-(relative(e, [0.3, 0.7]) + relative(rate, [2.5, 0.9]))).exp();
+    assert_regulated(&sets, |e, rate| [k(e, rate); 2]);
+    let under = [&sets[..], &["law.factor.ceiling=0.8"]].concat();
+    assert_regulated(&under, |e, rate| [0.8 * k(e, rate); 2]);
+    // One of the two may be a number for all axes.
+    let sets = ["law.factor.error=[0.3, 0.7]", "law.factor.error_rate=2.5"];
+    assert_regulated(&sets, |e, rate| [(-(relative(e, [0.3, 0.7]) + norm(rate) / 2.5)).exp(); 2]);
+}
+
+#[test]
+fn thresholds_of_eq_14_may_differ_between_the_axes() {
+    let (_, _, _, e, rate) = second_answer(&[]);
+    // ‖E⁻¹ e‖ and ‖Ė⁻¹ ė‖ are one over the margin.
+    let around = |x: Plane, margin: f64| {
+        let scale = margin * relative(x, [0.5, 2.0]);
+        format!("[{:?}, {:?}]", 0.5 * scale, 2.0 * scale)
+    };
+    for (margin, rate_margin, k) in [(1.01, 1.01, 1.0), (0.99, 1.01, 0.0), (1.01, 0.99, 0.0)] {
+        let sets = [
+            "law.factor.kind=switch",
+            &format!("law.factor.error={}", around(e, margin)),
+            &format!("law.factor.error_rate={}", around(rate, rate_margin)),
+        ];
+        assert_regulated(&sets, |_, _| [k; 2]);
+        let under = [&sets[..], &["law.factor.ceiling=0.8"]].concat();
+        assert_regulated(&under, |_, _| [0.8 * k; 2]);
+    }
+}
+
+#[test]
+fn equal_thresholds_are_one_threshold_bit_for_bit() {
+    for kind in ["switch", "exponential", "diagonal"] {
+        let answers = [("0.3", "2.7"), ("[0.3, 0.3]", "[2.7, 2.7]")].map(|(error, error_rate)| {
+            let sets = [
+                &format!("law.factor.kind={kind}"),
+                &format!("law.factor.error={error}"),
+                &format!("law.factor.error_rate={error_rate}"),
+            ];
+            let mut controller = controller(&sets.map(String::as_str));
+            (0..20).map(|k| *controller.respond(&swinging(10 * k)).unwrap()).collect::<Vec<_>>()
+        });
+        assert_eq!(answers[0], answers[1], "{kind}");
+    }
+}
+
+#[test]
+fn a_constant_factor_is_its_ceiling_whatever_the_error() {
+    let kind = "law.factor.kind=constant";
+    assert_regulated(&[kind], |_, _| [1.0; 2]);
+    assert_regulated(&[kind, "law.factor.ceiling=0.6", "law.factor.error=1e-6"], |_, _| [0.6; 2]);
+}
+
 #[test]
 fn eq_11_adds_the_error_of_the_acceleration() {
     let (with, without) = (["law.acceleration=true"], ["law.acceleration=false"]);
@@ -174,16 +234,16 @@ fn eq_11_adds_the_error_of_the_acceleration() {
     let first = *with.respond(&swinging(0)).unwrap();
     let plain = without.respond(&swinging(0)).unwrap();
     let [_, _, wanted] = desired(0.0);
-    assert_close(&first.force, mix(1.0, [plain.force[0], plain.force[1]], 1.0, wanted), "at first");
+    assert_close(&first.echo, mix(1.0, [plain.echo[0], plain.echo[1]], 1.0, wanted), "at first");
     let second = with.respond(&swinging(10)).unwrap();
     let [_, _, wanted] = desired(0.01);
     let found = mix(100.0, speed(&swinging(10)), -100.0, speed(&swinging(0)));
     let (e, rate) = tracking_error(&swinging(10));
     let k = (-(norm(e) + norm(rate) / 10.0)).exp();
     let tj = mix(30.0, e, 60.0, rate);
-    let memory = mix(k, [first.force[0], first.force[1]], 1.0, mix(1.0, wanted, -1.0, found));
+    let memory = mix(k, [first.echo[0], first.echo[1]], 1.0, mix(1.0, wanted, -1.0, found));
     let expected = mix(1.0, tj, 1.0, memory);
-    for (found, expected) in second.force.iter().zip(expected) {
+    for (found, expected) in second.echo.iter().zip(expected) {
         assert!((found - expected).abs() < 1e-9, "{found} is not {expected}");
     }
 }
@@ -200,7 +260,7 @@ fn mb_makes_the_tip_accelerate_as_its_gains_ask() {
         let [_, _, wanted] = desired(state.header.time_ns as f64 * 1e-9);
         let expected = mix(1.0, mix(8.0, e, 4.0, rate), 1.0, wanted);
         assert!(norm(mix(1.0, found, -1.0, expected)) < 1e-9, "{found:?} is not {expected:?}");
-        assert_eq!(controller.error().law, 2);
+        assert_eq!(text_of(&controller.error().law), "mb");
     }
 }
 
@@ -212,7 +272,7 @@ fn a_model_that_is_ten_percent_too_heavy_asks_for_ten_percent_more() {
             *controller(&["law.kind=mb", &scale]).respond(&state).unwrap()
         };
         let (exact, heavy) = (respond("1.0"), respond("1.1"));
-        assert_close(&heavy.force, mix(1.1, [exact.force[0], exact.force[1]], 0.0, [0.0; 2]), "Q̂");
+        assert_close(&heavy.echo, mix(1.1, [exact.echo[0], exact.echo[1]], 0.0, [0.0; 2]), "Q̂");
         assert_close(
             &heavy.torque,
             mix(1.1, [exact.torque[0], exact.torque[1]], 0.0, [0.0; 2]),
@@ -226,7 +286,7 @@ fn mb_at_a_singular_jacobian_is_an_error_and_no_number() {
     for fold in [0.0, 1e-12, std::f64::consts::PI] {
         let mut controller = controller(&["law.kind=mb"]);
         let found = controller.respond(&state(2500, [0.3, fold], [1.0, 1.0]));
-        assert_eq!(found, Err(LawError::Singular(2.5)), "q₂ = {fold}");
+        assert_eq!(found, Err(LawError::Singular { law: "mb", time: 2.5 }), "q₂ = {fold}");
         let sentence = found.unwrap_err().to_string();
         assert!(
             sentence.contains("mb") && sentence.contains("singular at t = 2.5 s"),
@@ -255,10 +315,7 @@ fn mb_on_a_redundant_arm_is_refused_with_the_scenario() {
 fn a_redundant_arm_takes_the_transpose_of_its_jacobian() {
     let lengths = [0.8, 0.7, 0.5];
     let (q, v) = ([0.1, 0.9, 0.7], [0.5, -0.4, 1.1]);
-    let mut asked = state(0, [0.0; 2], [0.0; 2]);
-    asked.header.joints = 3;
-    asked.position[..3].copy_from_slice(&q);
-    asked.velocity[..3].copy_from_slice(&v);
+    let asked = state(0, q, v);
     let angle = [q[0], q[0] + q[1], q[0] + q[1] + q[2]];
     // What link i contributes to the tip, and so column j is the sum over the links from j outward.
     let part = |i: usize| [lengths[i] * f64::cos(angle[i]), lengths[i] * f64::sin(angle[i])];
@@ -271,7 +328,7 @@ fn a_redundant_arm_takes_the_transpose_of_its_jacobian() {
     let force = mix(30.0, e, 60.0, rate);
     for kind in ["law.kind=tj", "law.kind=mtj"] {
         let answer = *Controller::new(&scenario("redundant/mtj", &[kind])).respond(&asked).unwrap();
-        assert_close(&answer.force, force, kind);
+        assert_close(&answer.echo, force, kind);
         for (j, found) in answer.torque[..3].iter().enumerate() {
             let expected = column(j)[0] * force[0] + column(j)[1] * force[1];
             assert!((found - expected).abs() < 1e-10, "{kind}, joint {j}: {found} not {expected}");

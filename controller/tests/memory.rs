@@ -5,8 +5,8 @@
 mod by_hand;
 
 use by_hand::{
-    Plane, assert_close, controller, desired, jacobian, joints, mix, norm, swinging, times, tip,
-    tracking_error,
+    Plane, assert_close, assert_nearly, controller, desired, echoing, jacobian, joints, mix,
+    swinging, times, tip, tracking_error,
 };
 use mtj_protocol::sample::StateSample;
 
@@ -18,24 +18,16 @@ fn trusting(sets: &[&str]) -> mtj_controller::Controller {
     controller(&[&TRUSTING[..], sets].concat())
 }
 
-fn echoing(time_ms: u64) -> StateSample {
-    let mut state = swinging(time_ms);
-    let number = time_ms as f64;
-    (state.applied[0], state.applied[1]) = (number + 1.0, -number);
-    (state.delivered[0], state.delivered[1]) = (0.5 * number, number - 7.0);
-    state
-}
-
 #[test]
 fn sent_remembers_the_answer_before() {
     let mut controller = trusting(&["law.memory.policy=sent"]);
     let mut previous: Option<Plane> = None;
     for k in 0..20 {
         let state = echoing(10 * k);
-        let force = controller.respond(&state).unwrap().force;
+        let force = controller.respond(&state).unwrap().echo;
         let (e, rate) = tracking_error(&state);
         let memory = previous.unwrap_or_default();
-        assert_close(&controller.error().memory, memory, "h");
+        assert_close(controller.error().signal("memory").unwrap(), memory, "h");
         assert_close(&force, mix(1.0, mix(30.0, e, 60.0, rate), 1.0, memory), "Q̂");
         previous = Some([force[0], force[1]]);
     }
@@ -46,10 +38,14 @@ fn a_latched_answer_serves_from_the_next_sample_to_the_next_multiple() {
     let mut controller = trusting(&["law.memory.policy=sent", "law.memory.step=40ms"]);
     let mut answers: Vec<Plane> = Vec::new();
     for k in 0..17 {
-        let force = controller.respond(&echoing(10 * k as u64)).unwrap().force;
+        let force = controller.respond(&echoing(10 * k as u64)).unwrap().echo;
         // At 10 to 40 ms the answer of 0 ms serves, at 50 to 80 ms that of 40 ms.
         let memory = if k == 0 { [0.0; 2] } else { answers[(k - 1) / 4 * 4] };
-        assert_close(&controller.error().memory, memory, &format!("h at sample {k}"));
+        assert_close(
+            controller.error().signal("memory").unwrap(),
+            memory,
+            &format!("h at sample {k}"),
+        );
         answers.push([force[0], force[1]]);
     }
     assert!(answers[4] != answers[0]);
@@ -68,9 +64,9 @@ fn applied_and_delivered_come_from_the_plant() {
         controller.respond(&echoing(0)).unwrap();
         for k in 1..10 {
             let state = echoing(10 * k);
-            let force = controller.respond(&state).unwrap().force;
+            let force = controller.respond(&state).unwrap().echo;
             let (e, rate) = tracking_error(&state);
-            assert_close(&controller.error().memory, of_plant(&state), policy);
+            assert_close(controller.error().signal("memory").unwrap(), of_plant(&state), policy);
             let expected = mix(1.0, mix(30.0, e, 60.0, rate), 1.0, of_plant(&state));
             assert_close(&force, expected, policy);
         }
@@ -123,18 +119,13 @@ fn predicted_error(state: &StateSample, before: Option<&StateSample>, d: f64) ->
     (mix(1.0, there, -1.0, position), mix(1.0, moving, -1.0, velocity))
 }
 
-fn assert_nearly(found: &[f64], expected: Plane, what: &str) {
-    let off = norm(mix(1.0, [found[0], found[1]], -1.0, expected));
-    assert!(off < 1e-9, "{what}: {:?} is not {expected:?}", &found[..2]);
-}
-
 #[test]
 fn a_fixed_horizon_aims_that_far_ahead() {
     let mut controller = controller(&["law.kind=tj", "law.prediction.horizon=25ms"]);
     let mut before = None;
     for k in 0..10 {
         let state = swinging(10 * k);
-        let force = controller.respond(&state).unwrap().force;
+        let force = controller.respond(&state).unwrap().echo;
         let (e, rate) = predicted_error(&state, before.as_ref(), 0.025);
         assert_nearly(&controller.error().error, e, "e");
         assert_nearly(&controller.error().error_rate, rate, "ė");
@@ -213,7 +204,11 @@ fn a_law_without_memory_leaves_none_to_the_next() {
     controller.respond(&echoing(0)).unwrap();
     controller.adopt(&mtj);
     controller.respond(&echoing(10)).unwrap();
-    assert_eq!(controller.error().memory, [0.0; 6], "k = 0 at the first sample of a memory");
+    assert_eq!(
+        controller.error().signal("memory").unwrap(),
+        [0.0; 2],
+        "k = 0 at the first sample of a memory"
+    );
     controller.respond(&echoing(20)).unwrap();
-    assert!(controller.error().memory != [0.0; 6]);
+    assert!(controller.error().signal("memory").unwrap() != [0.0; 2]);
 }

@@ -2,9 +2,11 @@
 //! of mass written out link by link, finite differences, and conservation of energy.
 
 use mtj_model::{
-    arm::{Link, PlanarArm},
+    arm::{
+        Arm, Kinematics, TaskDynamics, mobility,
+        planar::{Configuration, Link, PlanarArm},
+    },
     matrix,
-    task::TaskDynamics,
 };
 use nalgebra::{SMatrix, SVector, Vector2};
 
@@ -85,12 +87,13 @@ for_one_two_three_and_seven_links! {
     velocity_terms_follow_from_lagranges_equation = check_velocity_terms;
     energy_is_conserved_without_torque = check_energy;
     acceleration_solves_the_equation_of_motion = check_acceleration;
+    the_mobility_is_the_acceleration_of_the_tip_for_a_unit_of_force = check_mobility;
 }
 
 fn check_inertia<const N: usize>() {
     let links = links::<N>();
     let arm = PlanarArm::new(&links, Vector2::zeros());
-    let h = arm.pose(&angles(), &rates()).inertia();
+    let h = arm.inertia(&Configuration::new(&angles(), &rates()));
     // The kinetic energy is quadratic in q̇, so differences of step one are exact.
     let energy = |v: SVector<f64, N>| kinetic_energy(&links, &angles(), &v);
     for i in 0..N {
@@ -105,31 +108,33 @@ fn check_inertia<const N: usize>() {
 fn check_ends<const N: usize>() {
     let links = links::<N>();
     let arm = PlanarArm::new(&links, Vector2::zeros());
-    let (pose, centers) = (arm.pose(&angles(), &rates()), centers(&links, &angles()));
-    let (ends, mut start) = (pose.ends(), Vector2::zeros());
+    let at = Configuration::new(&angles(), &rates());
+    let centers = centers(&links, &angles());
+    let (ends, mut start) = (arm.ends(&at), Vector2::zeros());
     for i in 0..N {
         let center = start + (ends[i] - start) * (links[i].center / links[i].length);
         assert!((center - centers[i]).norm() < 1e-12, "link {i}: {center} is not {}", centers[i]);
         start = ends[i];
     }
-    assert!((start - pose.tip::<2>()).norm() < 1e-12);
+    let tip: Vector2<f64> = arm.tip(&at);
+    assert!((start - tip).norm() < 1e-12);
 }
 
 fn check_jacobian<const N: usize>() {
     let arm = PlanarArm::new(&links::<N>(), Vector2::zeros());
     let (q, q_dot, h) = (angles(), rates(), 1e-5);
-    let pose = arm.pose(&q, &q_dot);
-    let jacobian: SMatrix<f64, 3, N> = pose.jacobian();
+    let at = Configuration::new(&q, &q_dot);
+    let jacobian: SMatrix<f64, 3, N> = arm.jacobian(&at);
     for j in 0..N {
-        let ahead: SVector<f64, 3> = arm.pose(&(q + unit(j) * h), &q_dot).tip();
-        let behind: SVector<f64, 3> = arm.pose(&(q - unit(j) * h), &q_dot).tip();
+        let ahead: SVector<f64, 3> = arm.tip(&Configuration::new(&(q + unit(j) * h), &q_dot));
+        let behind: SVector<f64, 3> = arm.tip(&Configuration::new(&(q - unit(j) * h), &q_dot));
         assert!(((ahead - behind) / (2.0 * h) - jacobian.column(j)).norm() < 1e-9);
     }
-    assert!((jacobian * q_dot - pose.tip_velocity()).norm() < 1e-14);
-    let ahead: SMatrix<f64, 3, N> = arm.pose(&(q + q_dot * h), &q_dot).jacobian();
-    let behind: SMatrix<f64, 3, N> = arm.pose(&(q - q_dot * h), &q_dot).jacobian();
+    assert!((jacobian * q_dot - arm.tip_velocity(&at)).norm() < 1e-14);
+    let ahead: SMatrix<f64, 3, N> = arm.jacobian(&Configuration::new(&(q + q_dot * h), &q_dot));
+    let behind: SMatrix<f64, 3, N> = arm.jacobian(&Configuration::new(&(q - q_dot * h), &q_dot));
     let rate = (ahead - behind) / (2.0 * h) * q_dot;
-    assert!((rate - pose.jacobian_rate_velocity()).norm() < 1e-8);
+    assert!((rate - arm.jacobian_rate_velocity(&at)).norm() < 1e-8);
 }
 
 /// C = d/dt(∂T/∂q̇)|_{q̈ = 0} − ∂T/∂q + ∂V/∂q.
@@ -138,9 +143,9 @@ fn check_velocity_terms<const N: usize>() {
     let gravity = Vector2::new(1.2, -9.81);
     let arm = PlanarArm::new(&links, gravity);
     let (q, q_dot, h) = (angles(), rates(), 1e-4);
-    let inertia = |q: SVector<f64, N>| arm.pose(&q, &q_dot).inertia();
+    let inertia = |q: SVector<f64, N>| arm.inertia(&Configuration::new(&q, &q_dot));
     let momentum_rate = (inertia(q + q_dot * h) - inertia(q - q_dot * h)) / (2.0 * h) * q_dot;
-    let c = arm.pose(&q, &q_dot).velocity_terms();
+    let c = arm.velocity_terms(&Configuration::new(&q, &q_dot));
     for i in 0..N {
         let along = |f: &dyn Fn(SVector<f64, N>) -> f64| {
             (f(q + unit(i) * h) - f(q - unit(i) * h)) / (2.0 * h)
@@ -163,9 +168,10 @@ fn check_energy<const N: usize>() {
     let start = energy(&q, &v);
     for _ in 0..10_000 {
         // The explicit midpoint rule, written here on purpose.
-        let a = arm.acceleration(&q, &v, &SVector::zeros());
+        let a = arm.acceleration(&Configuration::new(&q, &v), &SVector::zeros());
         let (middle_q, middle_v) = (q + v * (h / 2.0), v + a * (h / 2.0));
-        let middle_a = arm.acceleration(&middle_q, &middle_v, &SVector::zeros());
+        let middle_at = Configuration::new(&middle_q, &middle_v);
+        let middle_a = arm.acceleration(&middle_at, &SVector::zeros());
         q += middle_v * h;
         v += middle_a * h;
     }
@@ -177,28 +183,36 @@ fn check_energy<const N: usize>() {
 fn check_acceleration<const N: usize>() {
     let arm = PlanarArm::new(&links::<N>(), Vector2::new(0.3, -9.81));
     let torque = SVector::from_fn(|i, _| 3.0 - 1.1 * i as f64);
-    let pose = arm.pose(&angles(), &rates());
-    let acceleration = pose.acceleration(&torque);
-    let balance = matrix::times(&pose.inertia(), &acceleration) + pose.velocity_terms();
+    let at = Configuration::new(&angles(), &rates());
+    let acceleration = arm.acceleration(&at, &torque);
+    let balance = matrix::times(&arm.inertia(&at), &acceleration) + arm.velocity_terms(&at);
     assert!((balance - torque).norm() < 1e-11);
+}
+
+/// At rest and without gravity, where the tip accelerates by J q̈ alone.
+fn check_mobility<const N: usize>() {
+    let arm = PlanarArm::new(&links::<N>(), Vector2::zeros());
+    let at = Configuration::new(&angles(), &SVector::zeros());
+    let jacobian: SMatrix<f64, 2, N> = arm.jacobian(&at);
+    let mobility = mobility(&arm.inertia(&at), &jacobian);
+    for (axis, force) in [Vector2::new(1.0, 0.0), Vector2::new(0.0, 1.0)].iter().enumerate() {
+        let tip = jacobian * arm.acceleration(&at, &(jacobian.transpose() * force));
+        assert!((tip - mobility.column(axis)).norm() < 1e-12, "{tip} is not {mobility}");
+    }
 }
 
 #[test]
 fn task_dynamics_give_the_force_that_makes_the_tip_accelerate() {
     let arm = PlanarArm::new(&links::<2>(), Vector2::zeros());
-    let pose = arm.pose(&angles(), &rates());
-    let jacobian: SMatrix<f64, 2, 2> = pose.jacobian();
+    let at = Configuration::new(&angles(), &rates());
+    let jacobian: SMatrix<f64, 2, 2> = arm.jacobian(&at);
     let inverse = jacobian.try_inverse().expect("not singular here");
-    let dynamics = TaskDynamics::new(
-        &pose.inertia(),
-        &pose.velocity_terms(),
-        &inverse,
-        &pose.jacobian_rate_velocity(),
-    );
+    let bend: Vector2<f64> = arm.jacobian_rate_velocity(&at);
+    let dynamics = TaskDynamics::new(&arm.inertia(&at), &arm.velocity_terms(&at), &inverse, &bend);
     let wanted = Vector2::new(0.7, -1.9);
     let force = dynamics.inertia * wanted + dynamics.velocity_terms;
-    let joint = pose.acceleration(&(jacobian.transpose() * force));
-    let tip = jacobian * joint + pose.jacobian_rate_velocity::<2>();
+    let joint = arm.acceleration(&at, &(jacobian.transpose() * force));
+    let tip = jacobian * joint + bend;
     assert!((tip - wanted).norm() < 1e-12);
 }
 
@@ -211,8 +225,8 @@ fn the_arm_works_in_single_precision_too() {
         inertia: link.inertia as f32,
     });
     let arm = PlanarArm::new(&links, Vector2::zeros());
-    let pose = arm.pose(&angles::<3>().cast(), &rates::<3>().cast());
+    let single = arm.inertia(&Configuration::new(&angles::<3>().cast(), &rates::<3>().cast()));
     let double = PlanarArm::new(&self::links::<3>(), Vector2::zeros());
-    let double = double.pose(&angles(), &rates());
-    assert!((pose.inertia().cast::<f64>() - double.inertia()).norm() < 1e-5);
+    let double = double.inertia(&Configuration::new(&angles(), &rates()));
+    assert!((single.cast::<f64>() - double).norm() < 1e-5);
 }

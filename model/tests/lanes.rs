@@ -3,8 +3,13 @@
 #![allow(clippy::unwrap_used)]
 
 use mtj_model::{
-    arm::{Link, PlanarArm},
+    arm::{
+        Arm,
+        planar::{Configuration, Link, PlanarArm},
+    },
     lanes::{Lanes, Width, Work},
+    lift,
+    lift::Lift,
     scalar::Scalar,
 };
 use nalgebra::{SVector, Vector2};
@@ -71,7 +76,7 @@ impl Function for Acceleration {
         let arm = PlanarArm::new(&[link; 3], Vector2::new(T::zero(), c(-9.81)));
         let q = SVector::<T, 3>::new(x, x * c(0.3), -x);
         let torque = SVector::<T, 3>::new(c(4.0), x, c(-1.0));
-        arm.acceleration(&q, &(q * c(0.5)), &torque)[1]
+        arm.acceleration(&Configuration::new(&q, &(q * c(0.5))), &torque)[1]
     }
 }
 
@@ -137,5 +142,83 @@ fn lanes_give_the_same_numbers_in_vectors_of_any_width() {
             let bits = |numbers: &[f64]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
             assert!(bits(&ours) == bits(&theirs), "{width:?}");
         }
+    }
+}
+
+/// How something is held: a value whose variant decides the formula.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Hold<T> {
+    Free,
+    Spring(T),
+    Damped(T, T),
+}
+lift! { enum Hold<T> { Free, Spring(stiffness), Damped(stiffness, damping) } }
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Joint<T> {
+    hold: Hold<T>,
+    limit: Option<T>,
+}
+lift! { struct Joint<T> { hold, limit } }
+
+/// The first of some joints lifted, the others put into the lanes after it.
+struct InLanes<'a>(&'a [Joint<f64>]);
+
+impl Work for InLanes<'_> {
+    type Output = Vec<Joint<f64>>;
+    fn run<T: Lanes>(self) -> Vec<Joint<f64>> {
+        let mut all = self.0[0].lift::<T, 2>();
+        let joints = &self.0[..self.0.len().min(T::COUNT)];
+        for (lane, joint) in joints.iter().enumerate().skip(1) {
+            joint.put::<T, 2>(&mut all, lane);
+        }
+        let of_lane = |lane: usize| Joint {
+            hold: match all.hold {
+                Hold::Free => Hold::Free,
+                Hold::Spring(stiffness) => Hold::Spring(stiffness.get(lane)),
+                Hold::Damped(stiffness, damping) => {
+                    Hold::Damped(stiffness.get(lane), damping.get(lane))
+                }
+            },
+            limit: all.limit.map(|limit| limit.get(lane)),
+        };
+        (0..joints.len()).map(of_lane).collect()
+    }
+}
+
+#[test]
+fn each_lane_of_an_enum_and_an_option_has_its_own_numbers() {
+    let spring = |i: f64| Joint { hold: Hold::Spring(i), limit: Some(10.0 * i) };
+    let damped = |i: f64| Joint { hold: Hold::Damped(i, -i), limit: None };
+    let free = |_: f64| Joint { hold: Hold::Free, limit: None };
+    let kinds: [fn(f64) -> Joint<f64>; 3] = [spring, damped, free];
+    for joints in kinds.map(|joint| [1.0, 2.0, 3.0, 4.0].map(joint)) {
+        for width in Width::all() {
+            assert_eq!(width.run(InLanes(&joints)), joints, "{width:?}");
+        }
+        let shapes = joints.map(|joint| {
+            let mut shape = lift::Shape::new();
+            joint.shape(&mut shape);
+            shape
+        });
+        assert!(shapes.iter().all(|shape| *shape == shapes[0]), "numbers make no shape");
+    }
+}
+
+#[test]
+fn what_shares_no_formula_has_another_shape() {
+    let shape = |hold, limit| {
+        let mut shape = lift::Shape::new();
+        Joint { hold, limit }.shape(&mut shape);
+        shape
+    };
+    let all = [
+        shape(Hold::Free, None),
+        shape(Hold::Free, Some(1.0)),
+        shape(Hold::Spring(1.0), None),
+        shape(Hold::Damped(1.0, 1.0), None),
+    ];
+    for (i, one) in all.iter().enumerate() {
+        assert!(all[..i].iter().all(|other| other != one), "{all:?}");
     }
 }

@@ -5,11 +5,17 @@
 use std::time::Duration;
 
 use mtj_model::{
+    MAX_AXES,
     gains::Gains,
-    law::find,
+    law::{
+        Law,
+        factor::{FactorKind, Threshold},
+        find,
+        mtj::ModifiedTransposeJacobian,
+    },
     scenario::{
-        BUILT_IN, BusKind, BusSettings, ClockKind, FactorKind, Horizon, LawKind, MEMORY,
-        MemoryPolicy, OnTimeout, Override, PREDICTION, Scenario, ScenarioError, Wait, built_in,
+        BUILT_IN, BusKind, BusSettings, ClockKind, Horizon, MEMORY, MemoryPolicy, OnTimeout,
+        Override, PREDICTION, Scenario, ScenarioError, Wait, built_in,
     },
 };
 
@@ -20,6 +26,23 @@ fn overridden(name: &str, sets: &[&str]) -> Result<Scenario, ScenarioError> {
 
 fn refusal(sets: &[&str]) -> String {
     overridden("sampled/mtj", sets).unwrap_err().to_string()
+}
+
+/// K_p and K_d of any law.
+fn gains(scenario: &Scenario) -> [Gains<f64, MAX_AXES>; 2] {
+    match scenario.law.law {
+        Law::Tj(law) => [law.kp, law.kd],
+        Law::Mtj(law) => [law.tj.kp, law.tj.kd],
+        Law::Mb(law) => [law.kp, law.kd],
+        Law::Tdc(law) => [law.kp, law.kd],
+    }
+}
+
+fn mtj(scenario: &Scenario) -> ModifiedTransposeJacobian<f64, MAX_AXES> {
+    match scenario.law.law {
+        Law::Mtj(law) => law,
+        other => panic!("{other:?} is not mtj"),
+    }
 }
 
 /// A refusal is one sentence that names where the value came from, the key and the value.
@@ -38,7 +61,7 @@ fn every_built_in_scenario_is_acceptable_and_named_after_its_law() {
         let scenario = Scenario::load(name, &[]).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(scenario.name, *name);
         assert_eq!(scenario.duration, Duration::from_secs(20), "{name}");
-        let law = scenario.law.kind.name();
+        let law = scenario.law.law.description().name;
         let (_, end) = name.split_once('/').unwrap();
         assert!(end.split('-').any(|part| part == law), "{name} runs {law}");
         assert!(text.starts_with("# "), "{name} says in its first line what it is");
@@ -57,14 +80,13 @@ fn the_papers_scenarios_have_the_papers_settings() {
         ("paper/fig4-mb-perturbed", 30.0, 60.0, 1.0),
     ] {
         let scenario = Scenario::load(name, &[]).unwrap();
-        let diagonal = |gains: Gains<f64, 2>| gains.matrix().diagonal()[0];
+        let diagonal = |gains: Gains<f64, MAX_AXES>| gains.matrix().diagonal()[0];
         if name.contains("fig4") {
-            assert_eq!((diagonal(scenario.law.kp), diagonal(scenario.law.kd)), (kp, kd), "{name}");
+            assert_eq!(gains(&scenario).map(diagonal), [kp, kd], "{name}");
         }
-        let rate = (scenario.trajectory.at(1e-6).velocity - scenario.trajectory.at(0.0).velocity)
-            .norm()
-            / 1e-6;
-        let expected = scenario.trajectory.at(0.0).acceleration.norm();
+        let at = |time| scenario.trajectory.at::<2>(time);
+        let rate = (at(1e-6).velocity - at(0.0).velocity).norm() / 1e-6;
+        let expected = at(0.0).acceleration.norm();
         assert!((rate - expected).abs() < 1e-3 * (1.0 + expected), "{name}");
         assert!((expected - omega * omega * 2f64.sqrt()).abs() < 1e-9, "ω = {omega} in {name}");
         assert_eq!(scenario.timing.sample_period, Duration::from_micros(500), "{name}");
@@ -78,7 +100,8 @@ fn absent_keys_have_the_documented_defaults() {
     assert_eq!(scenario.law.memory.step, scenario.timing.sample_period);
     assert_eq!(scenario.law.prediction, None);
     assert_eq!(scenario.law.mass_scale, 1.0);
-    assert!(!scenario.law.acceleration);
+    assert_eq!(mtj(&scenario).acceleration, None);
+    assert_eq!(scenario.task.name, "plane");
     assert_eq!(scenario.link.state.latency, Duration::ZERO);
     assert_eq!(scenario.safety.command_timeout, None);
     assert_eq!(scenario.safety.torque_limit, [f64::INFINITY; 2]);
@@ -113,9 +136,12 @@ fn any_key_can_be_set() {
     assert_eq!(scenario.law.memory.policy, MemoryPolicy::Delivered);
     assert_eq!(scenario.law.memory.step, Duration::from_millis(30));
     assert_eq!(scenario.law.prediction, Some(Horizon::Measured));
-    assert_eq!(scenario.law.factor.kind, FactorKind::Diagonal);
-    assert_eq!(scenario.law.factor.error.as_slice(), [0.5, 0.25]);
-    assert_eq!(scenario.law.kp.matrix().transpose().as_slice(), [30.0, 1.0, 1.0, 40.0]);
+    let law = mtj(&scenario);
+    assert_eq!(law.factor.kind, FactorKind::Diagonal);
+    let Threshold::Each(error) = law.factor.error else { panic!("{:?}", law.factor.error) };
+    assert_eq!(error.as_slice()[..2], [0.5, 0.25]);
+    let kp = law.tj.kp.matrix().fixed_view::<2, 2>(0, 0).transpose();
+    assert_eq!(kp.as_slice(), [30.0, 1.0, 1.0, 40.0]);
     assert_eq!(scenario.link.torque.latency, Duration::from_millis(1));
     assert_eq!((scenario.arm.links[0].mass, scenario.arm.links[1].mass), (5.5, 3.0));
     assert_eq!(scenario.arm.links[1].center, 0.25);
@@ -126,7 +152,7 @@ fn any_key_can_be_set() {
 
 #[test]
 fn the_last_of_two_settings_of_a_key_counts() {
-    let kp = |sets: &[&str]| overridden("sampled/mtj", sets).unwrap().law.kp.matrix()[(0, 0)];
+    let kp = |sets: &[&str]| gains(&overridden("sampled/mtj", sets).unwrap())[0].matrix()[(0, 0)];
     assert_eq!(kp(&[]), 30.0);
     assert_eq!(kp(&["law.kp=50", "law.kp=70"]), 70.0);
     assert_eq!(kp(&["law.kp=70", "law.kp=50"]), 50.0);
@@ -151,7 +177,7 @@ fn a_scenario_survives_being_shown_and_read_again() {
 #[test]
 fn a_refusal_names_origin_key_and_value() {
     for (set, words) in [
-        ("law.kind=pid", &["law.kind = \"pid\"", "\"tj\", \"mtj\", \"mb\""][..]),
+        ("law.kind=pid", &["law.kind = \"pid\"", "\"tj\", \"mtj\", \"mb\", \"tdc\""][..]),
         ("law.gain=3", &["law.gain = 3", "no key 'gain'", "kp"]),
         ("speed=3", &["speed = 3", "no key 'speed'", "duration"]),
         ("arm.links[1].mass=-3", &["arm.links[1].mass = -3", "mass in kg greater than 0"]),
@@ -178,7 +204,15 @@ fn a_refusal_names_origin_key_and_value() {
             &["law.memory.policy", "\"sent\", \"applied\", \"delivered\""],
         ),
         ("law.factor.error=0", &["law.factor.error = 0", "greater than 0"]),
-        ("law.factor.error=[1.0, 2.0]", &["law.factor.error", "one number, unless kind"]),
+        ("law.factor.error=[1.0, 0.0]", &["law.factor.error", "greater than 0"]),
+        ("law.factor.error=[1.0, 2.0, 3.0]", &["law.factor.error", "list of 2"]),
+        ("law.factor.error_rate=-1", &["law.factor.error_rate = -1", "m/s greater than 0"]),
+        ("law.factor.kind=sure", &["law.factor.kind", "\"constant\", \"switch\""]),
+        ("law.mass=-2", &["law.mass = -2", "positive definite", "task-inertia"]),
+        ("law.mass=heavy", &["law.mass = \"heavy\"", "one number", "\"task-inertia\""]),
+        ("law.mass=[1, 2, 3]", &["law.mass", "list of 2"]),
+        ("law.mass=[[1, 2], [2, 1]]", &["law.mass", "positive definite"]),
+        ("task.kind=space", &["task.kind = \"space\"", "\"plane\""]),
         ("law.prediction.horizon=soon", &["law.prediction.horizon = \"soon\"", "measured"]),
         ("law.model.mass_scale=0", &["law.model.mass_scale = 0", "greater than 0"]),
         ("link.torque.latency=-1ms", &["link.torque.latency = \"-1ms\"", "at least 0 s"]),
@@ -262,9 +296,9 @@ fn a_bus_alone_is_read_with_the_same_care() {
 
 #[test]
 fn only_mb_is_refused_on_a_redundant_arm() {
-    for (law, accepted) in [(LawKind::Tj, true), (LawKind::Mtj, true), (LawKind::Mb, false)] {
-        let found = overridden("redundant/mtj", &[&format!("law.kind={}", law.name())]);
-        assert_eq!(found.is_ok(), accepted, "{law:?}");
+    for (law, accepted) in [("tj", true), ("mtj", true), ("mb", false), ("tdc", true)] {
+        let found = overridden("redundant/mtj", &[&format!("law.kind={law}"), "law.mass=2"]);
+        assert_eq!(found.is_ok(), accepted, "{law}");
     }
 }
 
@@ -276,7 +310,7 @@ fn a_running_loop_takes_on_what_is_not_the_run_itself() {
         before.changed(&sets)
     };
     let changed = change(&["law.kp=31", "link.torque.latency=1ms"]).unwrap();
-    assert_eq!(changed.law.kp, Gains::Diagonal([31.0, 31.0].into()));
+    assert_eq!(gains(&changed)[0], Gains::Diagonal([31.0; MAX_AXES].into()));
     assert_eq!(changed.link.torque.latency, Duration::from_millis(1));
     assert_eq!((&changed.arm, changed.timing), (&before.arm, before.timing));
     let again = changed.text();

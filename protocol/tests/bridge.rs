@@ -61,7 +61,7 @@ fn what_the_plant_says_is_heard_beyond_with_the_scenario_before_it() {
     plant.send(&mut changed).unwrap();
     bridge.carry().unwrap();
     let offered = fetch_scenario(&far, &|| true).unwrap().unwrap();
-    assert_eq!((offered.revision, offered.scenario.law.kind.name()), (1, "tj"));
+    assert_eq!((offered.revision, offered.scenario.law.law.description().name), (1, "tj"));
 }
 
 #[test]

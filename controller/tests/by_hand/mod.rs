@@ -7,9 +7,19 @@
 use mtj_controller::Controller;
 use mtj_model::scenario::{Override, Scenario, built_in};
 use mtj_protocol::sample::{Header, StateSample, VERSION, padded};
+use nalgebra::{RowSVector, SMatrix};
 
 /// A vector in the plane.
 pub type Plane = [f64; 2];
+
+/// A link's length, mass, centre of mass and moment of inertia about it.
+pub type Link = [f64; 4];
+
+/// The paper's two links.
+pub const TWO_LINKS: [Link; 2] = [[1.0, 4.0, 0.5, 0.333], [1.0, 3.0, 0.5, 0.30]];
+/// Those of the redundant arm.
+pub const THREE_LINKS: [Link; 3] =
+    [[0.8, 4.0, 0.4, 0.213], [0.7, 3.0, 0.35, 0.123], [0.5, 2.0, 0.25, 0.042]];
 
 const MASS: Plane = [4.0, 3.0];
 const INERTIA: Plane = [0.333, 0.30];
@@ -25,11 +35,11 @@ pub fn controller(sets: &[&str]) -> Controller {
     Controller::new(&scenario("sampled/mtj", sets))
 }
 
-/// A state of the two links at a time in ms.
-pub fn state(time_ms: u64, q: Plane, v: Plane) -> StateSample {
+/// A state of an arm at a time in ms.
+pub fn state<const N: usize>(time_ms: u64, q: [f64; N], v: [f64; N]) -> StateSample {
     let header = Header {
         version: VERSION,
-        joints: 2,
+        joints: N as u32,
         axes: 2,
         run: 1,
         sequence: time_ms,
@@ -43,6 +53,15 @@ pub fn state(time_ms: u64, q: Plane, v: Plane) -> StateSample {
 pub fn swinging(time_ms: u64) -> StateSample {
     let t = time_ms as f64 * 1e-3;
     state(time_ms, [0.1 + 0.7 * t, 1.4 - 0.3 * t], [1.2 - 2.0 * t, -0.8 + 3.0 * t * t])
+}
+
+/// The same, with an echo that came back from the plant.
+pub fn echoing(time_ms: u64) -> StateSample {
+    let mut state = swinging(time_ms);
+    let number = time_ms as f64;
+    (state.applied[0], state.applied[1]) = (number + 1.0, -number);
+    (state.delivered[0], state.delivered[1]) = (0.5 * number, number - 7.0);
+    state
 }
 
 /// Where the tip is.
@@ -110,6 +129,34 @@ pub fn acceleration([_, q2]: Plane, [v1, v2]: Plane, torque: Plane) -> Plane {
     [(h22 * f1 - h12 * f2) / determinant, (h11 * f2 - h12 * f1) / determinant]
 }
 
+/// The rows of (J H⁻¹ Jᵀ)⁻¹, from the Jacobians of the centres of mass and a general inverse.
+pub fn task_inertia<const N: usize>(links: &[Link; N], q: [f64; N]) -> [Plane; 2] {
+    let mut angle = 0.0;
+    let angles = q.map(|q| {
+        angle += q;
+        angle
+    });
+    // Of the point at which one arrives going so far along each link.
+    let jacobian = |along: [f64; N]| {
+        SMatrix::<f64, 2, N>::from_fn(|row, joint| {
+            let part =
+                |i: usize| along[i] * if row == 0 { -angles[i].sin() } else { angles[i].cos() };
+            (joint..N).map(part).sum()
+        })
+    };
+    let mut inertia = SMatrix::<f64, N, N>::zeros();
+    for (i, [_, mass, center, about_it]) in links.iter().enumerate() {
+        let along = |k: usize| if k < i { links[k][0] } else { 0.0 };
+        let speed = jacobian(std::array::from_fn(|k| if k == i { *center } else { along(k) }));
+        let turn = RowSVector::<f64, N>::from_fn(|_, joint| if joint <= i { 1.0 } else { 0.0 });
+        inertia += speed.transpose() * speed * *mass + turn.transpose() * turn * *about_it;
+    }
+    let tip = jacobian(links.map(|[length, ..]| length));
+    let mobility = tip * inertia.try_inverse().unwrap() * tip.transpose();
+    let all = mobility.try_inverse().unwrap();
+    [[all[(0, 0)], all[(0, 1)]], [all[(1, 0)], all[(1, 1)]]]
+}
+
 /// J̇ q̇: how the tip accelerates when no joint does.
 pub fn bend([q1, q2]: Plane, [v1, v2]: Plane) -> Plane {
     let outer = (v1 + v2) * (v1 + v2);
@@ -127,4 +174,10 @@ pub fn assert_close(found: &[f64], expected: Plane, what: &str) {
         );
     }
     assert!(found[2..].iter().all(|rest| *rest == 0.0), "{what}: nothing past the count");
+}
+
+/// The same where differences of speeds, divided by a short time, are in it.
+pub fn assert_nearly(found: &[f64], expected: Plane, what: &str) {
+    let off = norm(mix(1.0, [found[0], found[1]], -1.0, expected));
+    assert!(off < 1e-9, "{what}: {:?} is not {expected:?}", &found[..2]);
 }

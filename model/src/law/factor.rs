@@ -162,24 +162,27 @@ impl Factor<f64, MAX_AXES> {
     /// k = 1.
     pub const ALL: Self = Self { kind: FactorKind::Constant, ..Self::PAPER };
 
-    /// Reads a scenario's `law.factor`; `None` if it is absent. Absent keys have the paper's values.
-    pub(super) fn read(law: &Section<'_>, axes: usize) -> Result<Option<Self>, ScenarioError> {
-        let Some(section) = law.optional_section("factor")? else { return Ok(None) };
-        let paper = Self::PAPER;
+    /// Reads a scenario's `law.factor`; what is absent is as in `default`.
+    pub(super) fn read(
+        law: &Section<'_>,
+        axes: usize,
+        default: Self,
+    ) -> Result<Self, ScenarioError> {
+        let Some(section) = law.optional_section("factor")? else { return Ok(default) };
         let ceiling = |section: &Section<'_>| {
             section.optional("ceiling", "a factor from 0 to 1", |value| {
                 section::number(value).filter(|k| (0.0..=1.0).contains(k))
             })
         };
         let factor = Self {
-            kind: section.choice("kind", &KINDS, Some(paper.kind))?,
-            error: Threshold::read(&section, "error", "m", axes)?.unwrap_or(paper.error),
+            kind: section.choice("kind", &KINDS, Some(default.kind))?,
+            error: Threshold::read(&section, "error", "m", axes)?.unwrap_or(default.error),
             error_rate: Threshold::read(&section, "error_rate", "m/s", axes)?
-                .unwrap_or(paper.error_rate),
+                .unwrap_or(default.error_rate),
             ceiling: ceiling(&section)?.filter(|k| *k != 1.0),
         };
         section.finish()?;
-        Ok(Some(factor))
+        Ok(factor)
     }
 }
 

@@ -94,8 +94,8 @@ impl<T: Scalar, const M: usize> Mass<T, M> {
             Self::TaskInertia => {
                 let mobility = arm::mobility(&now.arm.inertia(now.at), now.jacobian);
                 let inertia = matrix::positive_definite_inverse(&mobility);
-                // J H⁻¹ Jᵀ is about the square of J.
-                let condition = (matrix::size(&mobility) * matrix::size(&inertia)).sqrt();
+                // About the square of J's. Its root would hide a singular J: rounding alone keeps it below 1e9.
+                let condition = matrix::size(&mobility) * matrix::size(&inertia);
                 (matrix::times(&inertia, acceleration), condition)
             }
         }

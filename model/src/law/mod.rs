@@ -64,7 +64,8 @@ pub struct Command<T, const N: usize> {
     pub echo: Echo<T>,
     /// The law's signals, one after the other as its description lists them.
     pub signals: SVector<T, MAX_SIGNALS>,
-    /// |J| |J⁻¹|, or its like, of what the law inverts; where it is singular, the command means nothing.
+    /// |A| |A⁻¹| of the matrix A that the law inverts, J or J H⁻¹ Jᵀ; zero if it inverts none. Where A
+    /// is singular, the command means nothing.
     pub condition: T,
 }
 

@@ -70,7 +70,7 @@ impl Declaration for ModifiedTransposeJacobian<f64, MAX_AXES> {
         let tj = TransposeJacobian::read(law, axes)?;
         let flag = law.optional("acceleration", "true or false", toml::Value::as_bool)?;
         let mass = Mass::read(law, axes)?.unwrap_or(Mass::Unit);
-        let factor = Factor::read(law, axes)?.unwrap_or(Factor::PAPER);
+        let factor = Factor::read(law, axes, Factor::PAPER)?;
         Ok(Self { tj, factor, acceleration: flag.unwrap_or(false).then_some(mass) })
     }
 

@@ -68,7 +68,7 @@ impl Declaration for TimeDelay<f64, MAX_AXES> {
             kp: Gains::required(law, "kp", axes)?,
             kd: Gains::required(law, "kd", axes)?,
             mass: Mass::read(law, axes)?.ok_or_else(|| law.refuse("mass", Mass::form(axes)))?,
-            factor: Factor::read(law, axes)?.unwrap_or(Factor::ALL),
+            factor: Factor::read(law, axes, Factor::ALL)?,
         })
     }
 
