@@ -146,7 +146,7 @@ fn print_table(names: &[&str], lines: &[Line]) -> io::Result<()> {
                 if (predicted / measured - 1.0).abs() > LINEAR =>
             {
                 apart += 1;
-                if *predicted < measured {
+                if predicted < measured {
                     "only the worst mass fails"
                 } else {
                     "the arm moves far meanwhile"
