@@ -38,7 +38,7 @@ const MASSES: [f64; 5] = [1.05, 1.5, 2.0, 3.0, 4.4];
 /// Latencies from none to several periods, whole ones among them, s.
 const LATENCIES: [f64; 9] = [0.0, 0.001, 0.005, 0.0099, 0.01, 0.0137, 0.02, 0.0333, 0.05];
 
-fn gain(gain: f64) -> Gains<f64, 1> {
+fn gain<const M: usize>(gain: f64) -> Gains<f64, M> {
     Gains::Diagonal(SVector::repeat(gain))
 }
 
@@ -52,7 +52,7 @@ fn mtj(Memory { kp, kd, k }: Memory, mass: Option<f64>) -> Law<f64, 1> {
 }
 
 /// Time-delay control with gains in 1/s² and 1/s and k = 1.
-fn tdc(kp: f64, kd: f64, mass: f64) -> Law<f64, 1> {
+fn tdc<const M: usize>(kp: f64, kd: f64, mass: f64) -> Law<f64, M> {
     Law::Tdc(TimeDelay {
         kp: gain(kp),
         kd: gain(kd),
@@ -61,13 +61,18 @@ fn tdc(kp: f64, kd: f64, mass: f64) -> Law<f64, 1> {
     })
 }
 
-/// Computed torque with gains in 1/s² and 1/s.
-fn mb(kp: f64, kd: f64) -> Law<f64, 1> {
+/// Computed torque with gains in 1/s² and 1/s; it inverts Jacobians of two axes only.
+fn mb(kp: f64, kd: f64) -> Law<f64, 2> {
     Law::Mb(ModelBased { kp: gain(kp), kd: gain(kd) })
 }
 
 /// A loop at T_s = 10 ms without prediction, whose model has the right mass.
-fn held(law: Law<f64, 1>, mass: f64, memory: MemoryPolicy, latency: f64) -> LinearLoop<1> {
+fn held<const M: usize>(
+    law: Law<f64, M>,
+    mass: f64,
+    memory: MemoryPolicy,
+    latency: f64,
+) -> LinearLoop<M> {
     LinearLoop { law, mass, model_mass: mass, period: PERIOD, latency, memory, predicts: false }
 }
 
@@ -77,7 +82,7 @@ fn difference(one: &LinearLoop<1>, other: &LinearLoop<1>) -> f64 {
 }
 
 /// det(z − A) of a step matrix A.
-fn characteristic(of: &LinearLoop<1>, z: Complex<f64>) -> Complex<f64> {
+fn characteristic(of: &LinearLoop<2>, z: Complex<f64>) -> Complex<f64> {
     let matrix = of.step_matrix().map(|entry| Complex::new(entry, 0.0));
     let size = matrix.nrows();
     (DMatrix::from_diagonal_element(size, size, z) - matrix).determinant()

@@ -16,7 +16,7 @@ fn force_map(inner: &LinearLoop<1>) -> DMatrix<f64> {
 }
 
 fn radius(mass_ratio: f64, memory: MemoryPolicy, latency: f64) -> f64 {
-    let inner = held(tdc(0.0, 0.0, mass_ratio * 2.0), 2.0, memory, latency);
+    let inner = held::<1>(tdc(0.0, 0.0, mass_ratio * 2.0), 2.0, memory, latency);
     force_map(&inner).complex_eigenvalues().iter().map(|z| z.norm()).fold(0.0, f64::max)
 }
 
@@ -64,7 +64,7 @@ struct Network {
 
 impl Network {
     fn new(mass_ratio: f64, memory: MemoryPolicy) -> Self {
-        let inner = held(tdc(0.0, 0.0, mass_ratio * 2.0), 2.0, memory, 0.0);
+        let inner = held::<1>(tdc(0.0, 0.0, mass_ratio * 2.0), 2.0, memory, 0.0);
         Self { inner, random: 1, on_their_way: Vec::new(), held: (0, 0.0) }
     }
 
