@@ -60,12 +60,9 @@ impl Stage {
     }
 
     /// Large enough for a point, too.
-    pub fn with(mut self, point: &Point) -> Self {
-        for axis in 0..2 {
-            self.low[axis] = self.low[axis].min(point[axis]);
-            self.high[axis] = self.high[axis].max(point[axis]);
-        }
-        self
+    pub fn with(self, &[x, y, _]: &Point) -> Self {
+        let Self { low, high } = self;
+        Self { low: [low[0].min(x), low[1].min(y)], high: [high[0].max(x), high[1].max(y)] }
     }
 }
 
