@@ -14,8 +14,11 @@ use mtj_controller::{Controller, LawError};
 use mtj_model::scenario::{Override, Scenario, built_in};
 use mtj_protocol::sample::{StateSample, text_of};
 
-/// Values of `law.mass` with the rows of M̄ that they stand for at a posture.
-const MASSES: [(&str, fn(Plane) -> [Plane; 2]); 4] = [
+/// The rows of M̄ at a posture.
+type Rows = fn(Plane) -> [Plane; 2];
+
+/// Values of `law.mass` with what they stand for.
+const MASSES: [(&str, Rows); 4] = [
     ("law.mass=2.5", |_| [[2.5, 0.0], [0.0, 2.5]]),
     ("law.mass=[2, 3.5]", |_| [[2.0, 0.0], [0.0, 3.5]]),
     ("law.mass=[[2.5, 0.4], [-0.2, 3]]", |_| [[2.5, 0.4], [-0.2, 3.0]]),
@@ -66,8 +69,11 @@ fn wanted(state: &StateSample, before: Option<&StateSample>) -> Plane {
     mix(1.0, missing_acceleration(state, before), 1.0, mix(8.0, e, 4.0, rate))
 }
 
-/// A policy with what it remembers, of a state and the force that was sent before.
-const POLICIES: [(&str, fn(&StateSample, Plane) -> Plane); 3] = [
+/// What is remembered, of a state and the force that was sent before.
+type Recalled = fn(&StateSample, Plane) -> Plane;
+
+/// The memory policies.
+const POLICIES: [(&str, Recalled); 3] = [
     ("law.memory.policy=sent", |_, sent| sent),
     ("law.memory.policy=applied", |state, _| [state.applied[0], state.applied[1]]),
     ("law.memory.policy=delivered", |state, _| [state.delivered[0], state.delivered[1]]),
@@ -179,7 +185,8 @@ fn the_task_inertia_of_a_redundant_arm_is_that_of_its_model() {
 #[test]
 fn eq_11_multiplies_the_error_of_the_acceleration_with_the_mass_and_not_with_k() {
     // k is 0, somewhere between, and 1.
-    let factors: [(&[&str], fn(Plane, Plane) -> f64); 3] = [
+    type Factor = fn(Plane, Plane) -> f64;
+    let factors: [(&[&str], Factor); 3] = [
         (&["law.factor.kind=switch", "law.factor.error=1e-9"], |_, _| 0.0),
         (&["law.factor.ceiling=0.9"], |e, rate| 0.9 * (-(norm(e) + norm(rate) / 10.0)).exp()),
         (&["law.factor.kind=constant"], |_, _| 1.0),
