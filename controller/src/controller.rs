@@ -210,10 +210,11 @@ impl<const N: usize, const M: usize> Respond for ArmController<N, M> {
         let q = SVector::from_fn(|i, _| state.position[i]);
         let q_dot = SVector::from_fn(|i, _| state.velocity[i]);
         let time = seconds(header.time_ns);
+        let echo = self.memory.as_ref().and_then(|memory| memory.recall_at(state));
         let recollection = Recollection {
             previous: self.previous,
             horizon: prediction::horizon(self.horizon, state.latency_ns),
-            echo: self.memory.as_ref().and_then(|memory| memory.recall_at(state)),
+            echo: echo.as_ref(),
             precomputed: self.precomputed,
         };
         let at = Configuration::new(&q, &q_dot);

@@ -82,6 +82,7 @@ impl<const E: usize> Memory<E> {
 
 impl Memory {
     /// The remembered echo at a state; `None` at the first.
+    #[inline(always)]
     pub fn recall_at(&self, state: &StateSample) -> Option<Echo<f64>> {
         self.recall(|| state.applied.into(), || state.delivered.into())
     }

@@ -29,13 +29,13 @@ lift! { struct Responder<T, A, M> { arm, trajectory, law } }
 
 /// What is remembered, or comes with a sample.
 #[derive(Clone, Copy, Debug)]
-pub struct Recollection<T, P, const M: usize> {
+pub struct Recollection<'a, T, P, const M: usize> {
     /// The tip at the sample before.
     pub previous: Previous<T, M>,
     /// How far ahead to aim, s; `None` for not at all.
     pub horizon: Option<T>,
     /// The remembered echo; `None` at the first sample.
-    pub echo: Option<Echo<T>>,
+    pub echo: Option<&'a Echo<T>>,
     /// The desired motion at an instant, s, for which it was computed before.
     pub precomputed: Option<(T, Motion<T, P, M>)>,
 }
@@ -79,7 +79,7 @@ impl<T: Scalar, A, const M: usize> Responder<T, A, M> {
         &self,
         time: T,
         at: &A::Configuration,
-        recollection: &Recollection<T, A::Point, M>,
+        recollection: &Recollection<'_, T, A::Point, M>,
     ) -> Response<T, A::Point, N, M>
     where
         A: Kinematics<T, N, M>,
@@ -102,7 +102,7 @@ impl<T: Scalar, A, const M: usize> Responder<T, A, M> {
             desired: &desired,
             error: &error,
             acceleration: &acceleration,
-            memory: recollection.echo.as_ref(),
+            memory: recollection.echo,
         });
         Response { command, desired, error, tip }
     }

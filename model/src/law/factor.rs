@@ -223,12 +223,12 @@ impl<T: Scalar, const M: usize> Threshold<T, M> {
         }
     }
 
-    /// |xᵢ|/Eᵢ.
+    /// |xᵢ|/Eᵢ on each axis.
     #[inline(always)]
-    fn relative_on(&self, axis: usize, x: &SVector<T, M>) -> T {
+    fn relative_each(&self, x: &SVector<T, M>) -> SVector<T, M> {
         match self {
-            Self::Same(all) => x[axis].abs() / *all,
-            Self::Each(each) => x[axis].abs() / each[axis],
+            Self::Same(all) => x.map(|x| x.abs() / *all),
+            Self::Each(each) => x.zip_map(each, |x, threshold| x.abs() / threshold),
         }
     }
 }
@@ -271,9 +271,10 @@ impl<T: Scalar, const M: usize> Factor<T, M> {
                 let sum = error.relative(&e.position) + error_rate.relative(&e.velocity);
                 Regulation::Each(SVector::repeat((-sum).exp()))
             }
-            FactorKind::Diagonal => Regulation::Each(T::exp_each(&SVector::from_fn(|i, _| {
-                -(error.relative_on(i, &e.position) + error_rate.relative_on(i, &e.velocity))
-            }))),
+            FactorKind::Diagonal => {
+                let sum = error.relative_each(&e.position) + error_rate.relative_each(&e.velocity);
+                Regulation::Each(T::exp_each(&-sum))
+            }
         };
         match self.ceiling {
             None => k,

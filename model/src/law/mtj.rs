@@ -108,14 +108,12 @@ impl<T: Scalar, const M: usize> Equation<T, M> for ModifiedTransposeJacobian<T, 
         &self,
         now: &Situation<'_, T, A, N, M>,
     ) -> Command<T, N> {
-        let term = self
-            .acceleration
-            .as_ref()
-            .map(|mass| mass.times(&(now.desired.acceleration - now.acceleration), now));
         let memory = now.memory.map(first);
-        let answer =
-            self.task_force(now.error, memory.as_ref(), term.as_ref().map(|(force, _)| force));
-        let condition = term.map_or(T::zero(), |(_, condition)| condition);
+        let Some(mass) = &self.acceleration else {
+            return self.task_force(now.error, memory.as_ref(), None).command(now.jacobian);
+        };
+        let (term, condition) = mass.times(&(now.desired.acceleration - now.acceleration), now);
+        let answer = self.task_force(now.error, memory.as_ref(), Some(&term));
         Command { condition, ..answer.command(now.jacobian) }
     }
 

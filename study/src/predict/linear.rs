@@ -88,10 +88,11 @@ impl<const M: usize> LinearLoop<M> {
             MemoryPolicy::Sent => vector(state.forces, 0),
             MemoryPolicy::Applied | MemoryPolicy::Delivered => state.echoed,
         };
+        let echo = first(&remembered);
         let recollection = Recollection {
             previous: Previous { time: -self.period, velocity: state.v_before },
             horizon: self.predicts.then_some(self.latency),
-            echo: Some(first(&remembered)),
+            echo: Some(&echo),
             precomputed: None,
         };
         let arm = PointMass { mass: self.model_mass };

@@ -225,10 +225,11 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
         } else {
             *self.arms.configuration()
         };
+        let echo = first(&samples.recalled);
         let recollection = Recollection {
             previous: self.previous,
             horizon: if self.predicts { Some(samples.horizon) } else { None },
-            echo: Some(first(&samples.recalled)),
+            echo: Some(&echo),
             precomputed: None,
         };
         let response = self.responder.respond(samples.time, &at, &recollection);
