@@ -51,10 +51,10 @@ impl Second {
         (self.errors > 0).then(|| (self.squared_error / self.errors as f64).sqrt())
     }
 
-    /// The law's gauge with its mean, like "k=0.982"; `None` if the law has none.
+    /// The law's gauge with its mean, like "k 0.982"; `None` if the law has none.
     pub fn gauge(&self) -> Option<String> {
         let (signal, sum, count) = self.gauge?;
-        Some(format!("{}={:.3}", signal.symbol, sum / count as f64))
+        Some(format!("{} {:.3}", signal.symbol, sum / count as f64))
     }
 }
 
