@@ -51,10 +51,10 @@ impl Second {
         (self.errors > 0).then(|| (self.squared_error / self.errors as f64).sqrt())
     }
 
-    /// The law's gauge with its mean, like "k 0.982"; `None` if the law has none.
-    pub fn gauge(&self) -> Option<String> {
+    /// The symbol of the law's gauge and its mean; `None` if the law has none.
+    pub fn gauge(&self) -> Option<(&'static str, f64)> {
         let (signal, sum, count) = self.gauge?;
-        Some(format!("{} {:.3}", signal.symbol, sum / count as f64))
+        Some((signal.symbol, sum / count as f64))
     }
 }
 
@@ -75,7 +75,8 @@ impl<W: Write> Lines<W> {
         let law = law.map_or("-", |law| law.name);
         let mut line = format!("t {:7.1} s  {law:<3}", self.overview.time());
         if let Some(error) = self.second.rms_error() {
-            let gauge = self.second.gauge().unwrap_or_default();
+            let gauge = self.second.gauge();
+            let gauge = gauge.map_or(String::new(), |(symbol, mean)| format!("{symbol} {mean:.3}"));
             line += &format!("  |e| {error:.2e} m  {gauge:<7}");
         } else if self.overview.phase() == Some(Phase::Paused) {
             line += "  paused             ";

@@ -92,7 +92,8 @@ impl<B: Shared> Cell<B> {
             time: overview.time(),
             law: overview.law().map_or("-", |law| law.name),
             error: second.rms_error(),
-            gauge: second.gauge(),
+            // One word, so that a column is a column to programs, too.
+            gauge: second.gauge().map(|(symbol, mean)| format!("{symbol}={mean:.3}")),
             round_trip: overview.round_trips.spread(),
             in_charge: match (overview.leader(), &overview.controller().presence) {
                 (None, _) => "-".to_owned(),
