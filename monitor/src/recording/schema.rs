@@ -37,7 +37,7 @@ pub fn schema(topic: Topic) -> Value {
             of_sample("The truth about the arm, and book-keeping", StatusSample::default())
         }
         Topic::Request => {
-            of_sample("A wish to turn a knob of the running loop", RequestSample::default())
+            of_sample("A request to change the running loop", RequestSample::default())
         }
         Topic::Change => of_sample("What became of a request", ChangeSample::default()),
         Topic::Presence => of_sample("Who takes part in the session", PresenceSample::default()),
