@@ -1,13 +1,13 @@
 //! One direction between plant and controller: how long what enters it travels, and what is lost.
 
-use std::{path::Path, time::Duration};
+use std::path::Path;
 
 use mtj_model::scenario::{Dropout, Jitter, LinkSettings};
 use mtj_protocol::bus::BusError;
 use rand_distr::{Distribution, Gamma, Normal};
 use rand_pcg::Pcg64;
 
-use crate::sensor::fraction;
+use crate::{sensor::fraction, sequencer::nanoseconds};
 
 /// A link that delays and loses what it carries.
 ///
@@ -16,7 +16,7 @@ use crate::sensor::fraction;
 /// either end.
 #[derive(Clone, Debug)]
 pub struct Link {
-    latency: Duration,
+    latency_ns: u64,
     delay: Delay,
     dropout: Dropout,
     is_bad: bool,
@@ -27,14 +27,15 @@ pub struct Link {
 #[derive(Clone, Debug)]
 enum Delay {
     Constant,
-    /// Half the width, s.
-    Uniform(f64),
+    /// The mean and half the width, s.
+    Uniform(f64, f64),
     /// In s.
     Normal(Normal<f64>),
     /// In s, mean included.
     Gamma(Gamma<f64>),
+    /// In ns, the link's own not included.
     Replay {
-        latencies: Vec<Duration>,
+        latencies: Vec<u64>,
         next: usize,
     },
 }
@@ -62,7 +63,7 @@ impl Link {
         let mean = settings.latency.as_secs_f64();
         let delay = match &settings.jitter {
             Jitter::None => Delay::Constant,
-            Jitter::Uniform { spread } => Delay::Uniform(spread.as_secs_f64()),
+            Jitter::Uniform { spread } => Delay::Uniform(mean, spread.as_secs_f64()),
             Jitter::Gamma { deviation } | Jitter::Normal { deviation } if deviation.is_zero() => {
                 Delay::Constant
             }
@@ -80,7 +81,7 @@ impl Link {
             },
         };
         Ok(Self {
-            latency: settings.latency,
+            latency_ns: nanoseconds(settings.latency),
             delay,
             dropout: settings.dropout,
             is_bad: false,
@@ -89,36 +90,40 @@ impl Link {
         })
     }
 
-    /// The latency that the settings name.
-    pub fn latency(&self) -> Duration {
-        self.latency
+    /// The latency that the settings name, ns.
+    #[inline(always)]
+    pub fn latency_ns(&self) -> u64 {
+        self.latency_ns
     }
 
-    /// How long the next message travels; `None` if it is lost. A lost one draws a latency all the
-    /// same, so that the losses do not change the latencies of the others.
-    #[inline]
-    pub fn transit(&mut self) -> Option<Duration> {
-        let seconds = match &mut self.delay {
-            Delay::Constant => None,
-            Delay::Uniform(spread) => {
-                let mean = self.latency.as_secs_f64();
-                Some(mean + *spread * (2.0 * fraction(&mut self.delays) - 1.0))
+    /// How long the next message travels, ns; `None` if it is lost.
+    #[inline(always)]
+    pub fn transit_ns(&mut self) -> Option<u64> {
+        // Most links of a sweep neither vary nor lose, and each lane asks two at every sample.
+        match (&self.delay, &self.dropout) {
+            (Delay::Constant, Dropout::None) => Some(self.latency_ns),
+            _ => self.draw(),
+        }
+    }
+
+    /// A lost message draws a latency all the same, so that the losses do not change the latencies of the
+    /// others.
+    fn draw(&mut self) -> Option<u64> {
+        let nanoseconds = |seconds: f64| (seconds.clamp(0.0, LONGEST) * 1e9).round() as u64;
+        let latency_ns = match &mut self.delay {
+            Delay::Constant => self.latency_ns,
+            Delay::Uniform(mean, spread) => {
+                nanoseconds(*mean + *spread * (2.0 * fraction(&mut self.delays) - 1.0))
             }
-            Delay::Normal(normal) => Some(normal.sample(&mut self.delays)),
-            Delay::Gamma(gamma) => Some(gamma.sample(&mut self.delays)),
+            Delay::Normal(normal) => nanoseconds(normal.sample(&mut self.delays)),
+            Delay::Gamma(gamma) => nanoseconds(gamma.sample(&mut self.delays)),
             Delay::Replay { latencies, next } => {
-                let measured = latencies[*next];
+                let measured_ns = latencies[*next];
                 *next = (*next + 1) % latencies.len();
-                Some((self.latency + measured).as_secs_f64())
+                self.latency_ns.saturating_add(measured_ns)
             }
         };
-        let latency = match seconds {
-            None => self.latency,
-            Some(seconds) => {
-                Duration::from_nanos((seconds.clamp(0.0, LONGEST) * 1e9).round() as u64)
-            }
-        };
-        (!self.loses()).then_some(latency)
+        (!self.loses()).then_some(latency_ns)
     }
 
     fn loses(&mut self) -> bool {
@@ -137,7 +142,7 @@ impl Link {
 
 /// Reads the latencies of a replay: the column that the header calls `latency_s`, `_ms`, `_us` or
 /// `_ns`.
-fn read_latencies(file: &Path) -> Result<Vec<Duration>, String> {
+fn read_latencies(file: &Path) -> Result<Vec<u64>, String> {
     let name = file.display();
     let text = std::fs::read_to_string(file)
         .map_err(|error| format!("the replayed latencies {name} cannot be read: {error}"))?;
@@ -165,7 +170,7 @@ fn read_latencies(file: &Path) -> Result<Vec<Duration>, String> {
                 "{name}, line {}: expected a latency, a number 0 or greater",
                 number + 1
             ))?;
-        latencies.push(Duration::from_nanos(latency.round() as u64));
+        latencies.push(latency.round() as u64);
     }
     if latencies.is_empty() {
         return Err(format!("{name}: there are no latencies after the header"));
@@ -175,6 +180,8 @@ fn read_latencies(file: &Path) -> Result<Vec<Duration>, String> {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
 
     const MS: Duration = Duration::from_millis(1);
@@ -186,7 +193,7 @@ mod tests {
     /// Mean and standard deviation of many latencies, ms.
     fn moments(mut link: Link) -> (f64, f64) {
         let count = 100_000;
-        let all: Vec<_> = (0..count).map(|_| link.transit().unwrap().as_secs_f64() * 1e3).collect();
+        let all: Vec<_> = (0..count).map(|_| link.transit_ns().unwrap() as f64 * 1e-6).collect();
         let mean = all.iter().sum::<f64>() / f64::from(count);
         let variance = all.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / f64::from(count);
         (mean, variance.sqrt())
@@ -217,7 +224,7 @@ mod tests {
         };
         let transits = |direction, seed| -> Vec<_> {
             let mut link = Link::new(&settings, direction, seed).unwrap();
-            (0..100).map(|_| link.transit()).collect()
+            (0..100).map(|_| link.transit_ns()).collect()
         };
         assert_eq!(transits(Direction::State, 1), transits(Direction::State, 1));
         assert_ne!(transits(Direction::State, 1), transits(Direction::State, 2));
@@ -230,8 +237,8 @@ mod tests {
         let mut whole = link(jitter.clone(), Dropout::None);
         let mut lossy = link(jitter, Dropout::Independent(0.5));
         for _ in 0..100 {
-            let all = whole.transit();
-            let some = lossy.transit();
+            let all = whole.transit_ns();
+            let some = lossy.transit_ns();
             assert!(some.is_none() || some == all);
         }
     }
@@ -240,7 +247,7 @@ mod tests {
     fn bursts_are_as_long_and_as_frequent_as_the_chain_says() {
         let burst = Dropout::Burst { enter: 0.02, leave: 0.25, good: 0.0, bad: 1.0 };
         let mut link = link(Jitter::None, burst);
-        let lost: Vec<_> = (0..200_000).map(|_| link.transit().is_none()).collect();
+        let lost: Vec<_> = (0..200_000).map(|_| link.transit_ns().is_none()).collect();
         let rate = lost.iter().filter(|lost| **lost).count() as f64 / lost.len() as f64;
         let bursts = lost.windows(2).filter(|pair| !pair[0] && pair[1]).count() as f64;
         let length = rate * lost.len() as f64 / bursts;
@@ -256,7 +263,7 @@ mod tests {
         let file = std::env::temp_dir().join(format!("mtj-latencies-{}.csv", std::process::id()));
         std::fs::write(&file, "hop,latency_ms\na,1.5\nb,0\n\nc,20\n").unwrap();
         let mut link = link(Jitter::Replay { file: file.clone() }, Dropout::None);
-        let transits: Vec<_> = (0..4).map(|_| link.transit().unwrap().as_micros()).collect();
+        let transits: Vec<_> = (0..4).map(|_| link.transit_ns().unwrap() / 1000).collect();
         assert_eq!(transits, [6_500, 5_000, 25_000, 6_500]);
         for (text, complaint) in [
             ("latency\n1\n", "names no column"),

@@ -127,10 +127,10 @@ impl<const N: usize, const E: usize> Sequencer<N, E> {
     /// each number, in their order.
     #[inline(always)]
     pub fn state_transit(&mut self, sequence: u64) -> Option<u64> {
-        let transit = self.state_link.transit();
+        let transit_ns = self.state_link.transit_ns();
         // The two ends must meet, so the first state is not lost; it may be late.
-        let kept = if sequence == 0 { Some(self.state_link.latency()) } else { None };
-        transit.or(kept).map(nanoseconds)
+        let kept_ns = if sequence == 0 { Some(self.state_link.latency_ns()) } else { None };
+        transit_ns.or(kept_ns)
     }
 
     /// Hands the state of this number to the controller; false if a newer one has overtaken it.
@@ -150,8 +150,8 @@ impl<const N: usize, const E: usize> Sequencer<N, E> {
         if !is_finite {
             return Departure::Rejected;
         }
-        match self.torque_link.transit() {
-            Some(transit) => Departure::Arrives(time_ns + nanoseconds(transit)),
+        match self.torque_link.transit_ns() {
+            Some(transit_ns) => Departure::Arrives(time_ns + transit_ns),
             None => Departure::Lost,
         }
     }

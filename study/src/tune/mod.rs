@@ -182,8 +182,8 @@ pub fn mean_latency(scenario: &Scenario) -> Result<f64, Failure> {
     let mean = |settings, direction| -> Result<f64, Failure> {
         let mut link = Link::new(settings, direction, scenario.seed)?;
         let arrived: Vec<f64> = (0..DRAWS)
-            .filter_map(|_| link.transit())
-            .map(|transit| transit.as_secs_f64())
+            .filter_map(|_| link.transit_ns())
+            .map(|transit_ns| transit_ns as f64 * 1e-9)
             .collect();
         Ok(arrived.iter().sum::<f64>() / arrived.len().max(1) as f64)
     };
