@@ -8,7 +8,7 @@ use mtj_model::{
     for_links,
     gains::Gains,
     law::{
-        factor::{Factor, FactorKind, Threshold},
+        factor::{Factor, FactorKind, Thresholds},
         mb::ModelBased,
         mtj::ModifiedTransposeJacobian,
         tj::TransposeJacobian,
@@ -79,11 +79,11 @@ impl<const N: usize> Laws<N> {
             Law::MtjDiagonal => FactorKind::Diagonal,
             Law::Tj | Law::MtjExponential | Law::Mb | Law::Tdc => FactorKind::Exponential,
         };
-        let (error, error_rate) = match kind {
-            FactorKind::Diagonal => (each(10.0), each(100.0)),
-            _ => (Threshold::Same(10.0), Threshold::Same(100.0)),
+        let thresholds = match kind {
+            FactorKind::Diagonal => Thresholds::Each(SVector::repeat(10.0), SVector::repeat(100.0)),
+            _ => Thresholds::Same(10.0, 100.0),
         };
-        let factor = Factor { kind, error, error_rate, ceiling: None };
+        let factor = Factor { kind, thresholds, ceiling: None };
         let tj = TransposeJacobian { kp, kd };
         Self {
             tj,
@@ -110,11 +110,6 @@ impl<const N: usize> Given<N> {
     fn torque(&self, force: &SVector<f64, N>) -> SVector<f64, N> {
         matrix::transpose_times(&self.jacobian, force)
     }
-}
-
-/// A threshold for each axis, as eq. (15b) has it.
-fn each<const N: usize>(threshold: f64) -> Threshold<f64, N> {
-    Threshold::Each(SVector::repeat(threshold))
 }
 
 fn vector<const N: usize>(seed: f64) -> SVector<f64, N> {

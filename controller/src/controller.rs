@@ -10,7 +10,7 @@ use mtj_model::{
     task::Previous,
     trajectory::Motion,
 };
-use mtj_protocol::sample::{Axes, ErrorSample, Name, StateSample, TorqueSample, padded, text};
+use mtj_protocol::sample::{Axes, ErrorSample, StateSample, TorqueSample, padded, text};
 use nalgebra::SVector;
 
 use crate::{
@@ -29,7 +29,7 @@ pub struct Controller {
 }
 
 /// An answer, where it stays: it is lent to whoever sends it.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Answer {
     torque: TorqueSample,
     error: ErrorSample,
@@ -75,13 +75,17 @@ impl std::error::Error for LawError {}
 impl Controller {
     /// The controller that a scenario describes.
     pub fn new(scenario: &Scenario) -> Self {
-        Self { law: law(scenario, None), answer: Answer::default() }
+        Self {
+            law: law(scenario, None),
+            answer: Answer { torque: TorqueSample::default(), error: nothing_of(scenario) },
+        }
     }
 
     /// Goes on under a scenario that was changed while it runs, for the same arm: with what it remembers, so
     /// that a change of something else gives the arm no jerk.
     pub fn adopt(&mut self, scenario: &Scenario) {
         self.law = law(scenario, Some(self.law.remembered()));
+        self.answer.error = nothing_of(scenario);
     }
 
     /// τ = J_Cᵀ Q̂ for a measured state, with Q̂ from the law. The desired motion is evaluated at the
@@ -144,6 +148,11 @@ struct Remembered {
     velocity: Axes,
 }
 
+/// What a law shows before it has answered anything.
+fn nothing_of(scenario: &Scenario) -> ErrorSample {
+    ErrorSample { law: text(scenario.law.law.description().name), ..ErrorSample::default() }
+}
+
 fn law(scenario: &Scenario, remembered: Option<Remembered>) -> Box<dyn Respond> {
     for_links!(scenario.arm.links.len(), N => for_axes!(scenario.task, M => {
         Box::new(ArmController::<N, M>::new(scenario, remembered))
@@ -158,8 +167,6 @@ struct ArmController<const N: usize, const M: usize> {
     horizon: Option<Horizon>,
     previous: Previous<f64, M>,
     sample_period_ns: u64,
-    /// The law's name.
-    name: Name,
     echo_count: u64,
     /// The desired motion at an instant to come, s.
     precomputed: Option<(f64, Motion<f64, SVector<f64, M>, M>)>,
@@ -183,7 +190,6 @@ impl<const N: usize, const M: usize> ArmController<N, M> {
             horizon: settings.prediction,
             previous,
             sample_period_ns: scenario.timing.sample_period.as_nanos() as u64,
-            name: text(description.name),
             echo_count: description.echo.per.count(N, M) as u64,
             precomputed: None,
         }
@@ -210,15 +216,18 @@ impl<const N: usize, const M: usize> Respond for ArmController<N, M> {
         let q = SVector::from_fn(|i, _| state.position[i]);
         let q_dot = SVector::from_fn(|i, _| state.velocity[i]);
         let time = seconds(header.time_ns);
-        let echo = self.memory.as_ref().and_then(|memory| memory.recall_at(state));
+        let memory = self.memory.as_ref();
+        let echo = memory.and_then(|memory| memory.recall(&state.applied, &state.delivered));
         let recollection = Recollection {
             previous: self.previous,
             horizon: prediction::horizon(self.horizon, state.latency_ns),
-            echo: echo.as_ref(),
+            echo,
             precomputed: self.precomputed,
         };
         let at = Configuration::new(&q, &q_dot);
-        let Response { command, error, tip, .. } = self.responder.respond(time, &at, &recollection);
+        let shown = &mut answered.error;
+        let Response { command, error, tip, .. } =
+            self.responder.respond(time, &at, &recollection, &mut shown.signals);
         self.previous = Previous { time, velocity: tip.velocity };
         if is_singular(command.condition) {
             let law = self.responder.law.description().name;
@@ -234,15 +243,11 @@ impl<const N: usize, const M: usize> Respond for ArmController<N, M> {
             controller: 0,
             echo_count: self.echo_count,
             torque: padded(command.torque.as_slice()),
-            echo: command.echo.into(),
+            echo: command.echo,
         };
-        answered.error = ErrorSample {
-            header,
-            law: self.name,
-            error: padded(error.position.as_slice()),
-            error_rate: padded(error.velocity.as_slice()),
-            signals: command.signals.into(),
-        };
+        shown.header = header;
+        shown.error = padded(error.position.as_slice());
+        shown.error_rate = padded(error.velocity.as_slice());
         Ok(())
     }
 
@@ -255,7 +260,7 @@ impl<const N: usize, const M: usize> Respond for ArmController<N, M> {
 
     fn remember(&mut self, torque: &TorqueSample) {
         if let Some(memory) = &mut self.memory {
-            memory.replace(&torque.echo.into());
+            memory.replace(&torque.echo);
         }
     }
 

@@ -2,11 +2,8 @@
 
 use mtj_model::{
     MAX_ECHO,
-    law::Echo,
     scenario::{MemoryPolicy, MemorySettings},
 };
-use mtj_protocol::sample::StateSample;
-use nalgebra::SVector;
 
 /// What the controller remembers, if the policy asks it to remember anything.
 ///
@@ -16,7 +13,7 @@ use nalgebra::SVector;
 pub struct Memory<const E: usize = MAX_ECHO> {
     policy: MemoryPolicy,
     step_ns: u64,
-    latched: SVector<f64, E>,
+    latched: [f64; E],
     /// When the memory step ends in which that was computed, ns; 0 if that is not known.
     step_ends_ns: u64,
     is_first: bool,
@@ -28,7 +25,7 @@ impl<const E: usize> Memory<E> {
         Self {
             policy: settings.policy,
             step_ns: settings.step.as_nanos() as u64,
-            latched: SVector::zeros(),
+            latched: [0.0; E],
             step_ends_ns: 0,
             is_first: true,
         }
@@ -36,7 +33,7 @@ impl<const E: usize> Memory<E> {
 
     /// Forgets everything: the next [`Memory::recall`] gives nothing.
     pub fn forget(&mut self) {
-        self.latched = SVector::zeros();
+        self.latched = [0.0; E];
         self.step_ends_ns = 0;
         self.is_first = true;
     }
@@ -49,24 +46,24 @@ impl<const E: usize> Memory<E> {
     }
 
     /// The remembered echo at a sample, from what the plant has `applied` and `delivered`; `None` at the
-    /// first sample. Only what the policy needs is asked for.
+    /// first sample.
     #[inline(always)]
-    pub fn recall(
-        &self,
-        applied: impl FnOnce() -> SVector<f64, E>,
-        delivered: impl FnOnce() -> SVector<f64, E>,
-    ) -> Option<SVector<f64, E>> {
-        (!self.is_first).then(|| match self.policy {
-            MemoryPolicy::Sent => self.latched,
-            MemoryPolicy::Applied => applied(),
-            MemoryPolicy::Delivered => delivered(),
+    pub fn recall<'a>(
+        &'a self,
+        applied: &'a [f64; E],
+        delivered: &'a [f64; E],
+    ) -> Option<&'a [f64; E]> {
+        (!self.is_first).then_some(match self.policy {
+            MemoryPolicy::Sent => &self.latched,
+            MemoryPolicy::Applied => applied,
+            MemoryPolicy::Delivered => delivered,
         })
     }
 
     /// Remembers the echo computed at a sample taken at `time_ns`: the first one in each memory step is
     /// latched and serves until the next, so with Δt = T_s it is always the previous one.
     #[inline(always)]
-    pub fn store(&mut self, time_ns: u64, echo: &SVector<f64, E>) {
+    pub fn store(&mut self, time_ns: u64, echo: &[f64; E]) {
         self.is_first = false;
         if time_ns >= self.step_ends_ns {
             self.step_ends_ns = (time_ns - time_ns % self.step_ns).saturating_add(self.step_ns);
@@ -75,15 +72,7 @@ impl<const E: usize> Memory<E> {
     }
 
     /// Remembers another echo for the step of the last sample.
-    pub fn replace(&mut self, echo: &SVector<f64, E>) {
+    pub fn replace(&mut self, echo: &[f64; E]) {
         self.latched = *echo;
-    }
-}
-
-impl Memory {
-    /// The remembered echo at a state; `None` at the first.
-    #[inline(always)]
-    pub fn recall_at(&self, state: &StateSample) -> Option<Echo<f64>> {
-        self.recall(|| state.applied.into(), || state.delivered.into())
     }
 }

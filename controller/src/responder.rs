@@ -3,7 +3,7 @@
 use mtj_model::{
     MAX_AXES,
     arm::{Kinematics, planar::PlanarArm},
-    law::{Command, Echo, Equation, Law, Situation},
+    law::{Command, Echo, Equation, Law, Signals, Situation},
     lift,
     scalar::Scalar,
     scenario::Scenario,
@@ -73,13 +73,14 @@ impl<const N: usize> Responder<f64, PlanarArm<f64, N>, MAX_AXES> {
 }
 
 impl<T: Scalar, A, const M: usize> Responder<T, A, M> {
-    /// The law's answer to the configuration measured at `time`, s.
+    /// The law's answer to the configuration measured at `time`, s, and its signals.
     #[inline(always)]
     pub fn respond<const N: usize>(
         &self,
         time: T,
         at: &A::Configuration,
         recollection: &Recollection<'_, T, A::Point, M>,
+        signals: &mut Signals<T>,
     ) -> Response<T, A::Point, N, M>
     where
         A: Kinematics<T, N, M>,
@@ -95,7 +96,7 @@ impl<T: Scalar, A, const M: usize> Responder<T, A, M> {
             _ => A::Point::desired(&self.trajectory, aim.time),
         };
         let error = TrackingError::between(&desired, &aim);
-        let command = self.law.command(&Situation {
+        let now = Situation {
             arm: &self.arm,
             at,
             jacobian: &self.arm.jacobian(at),
@@ -103,7 +104,8 @@ impl<T: Scalar, A, const M: usize> Responder<T, A, M> {
             error: &error,
             acceleration: &acceleration,
             memory: recollection.echo,
-        });
+        };
+        let command = self.law.command(&now, signals);
         Response { command, desired, error, tip }
     }
 }

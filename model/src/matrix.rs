@@ -8,6 +8,16 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::scalar::Scalar;
 
+/// The first entries of a list, with zeros after them where it is shorter.
+#[inline(always)]
+pub fn padded<T: Scalar, const N: usize>(list: &[T]) -> [T; N] {
+    let mut padded = [T::zero(); N];
+    for (to, from) in padded.iter_mut().zip(list) {
+        *to = *from;
+    }
+    padded
+}
+
 /// A x.
 #[inline(always)]
 pub fn times<T: Scalar, const R: usize, const C: usize>(

@@ -10,7 +10,7 @@ use crate::{
     MAX_AXES,
     arm::{Kinematics, planar::Configuration},
     for_axes, for_links,
-    law::first,
+    matrix::padded,
     scenario::{ArmSettings, Scenario},
     task::{self, Task},
     trajectory::Trajectory,
@@ -88,7 +88,7 @@ impl Scene {
             let at = Configuration::<f64, N>::new(&q, &SVector::zeros());
             let tip: SVector<f64, M> = self.arm.build::<N>().tip(&at);
             let error: SVector<f64, M> = Task::difference(&self.trajectory.at(time).point, &tip);
-            first::<_, M, MAX_AXES>(&error).into()
+            padded(error.as_slice())
         }))
     }
 }

@@ -9,7 +9,7 @@ use mtj_model::{
     gains::Gains,
     law::{
         Law,
-        factor::{FactorKind, Threshold},
+        factor::{FactorKind, Thresholds},
         find,
         mtj::ModifiedTransposeJacobian,
     },
@@ -138,7 +138,7 @@ fn any_key_can_be_set() {
     assert_eq!(scenario.law.prediction, Some(Horizon::Measured));
     let law = mtj(&scenario);
     assert_eq!(law.factor.kind, FactorKind::Diagonal);
-    let Threshold::Each(error) = law.factor.error else { panic!("{:?}", law.factor.error) };
+    let Thresholds::Each(error, _) = law.factor.thresholds else { panic!("{:?}", law.factor) };
     assert_eq!(error.as_slice()[..2], [0.5, 0.25]);
     let kp = law.tj.kp.matrix().fixed_view::<2, 2>(0, 0).transpose();
     assert_eq!(kp.as_slice(), [30.0, 1.0, 1.0, 40.0]);

@@ -3,7 +3,7 @@
 use mtj_model::{
     arm::{Kinematics, planar::Configuration},
     for_axes, for_links,
-    law::first,
+    matrix::padded,
     scenario::Scenario,
     task::Task,
 };
@@ -38,7 +38,7 @@ impl Tracking {
                 let tip: SVector<f64, M> = arm.tip(&at);
                 let desired = trajectory.at::<M>(state.time_ns as f64 * 1e-9).point;
                 let error: SVector<f64, M> = Task::difference(&desired, &tip);
-                let axes = |list: &SVector<f64, M>| Axes::from(first(list));
+                let axes = |list: &SVector<f64, M>| padded(list.as_slice());
                 Tracked { tip: axes(&tip), desired: axes(&desired), error: axes(&error) }
             })
         })))

@@ -9,6 +9,7 @@ use std::mem::offset_of;
 
 #[cfg(feature = "iceoryx2")]
 use iceoryx2::prelude::ZeroCopySend;
+pub use mtj_model::matrix::padded;
 use mtj_model::{MAX_AXES, MAX_ECHO, MAX_JOINTS, MAX_SIGNALS, law};
 use serde::{Deserialize, Serialize};
 
@@ -458,11 +459,6 @@ impl Header {
             show(name, Field::Count(count));
         }
     }
-}
-
-/// The first entries of a list that may be shorter, zeros after them.
-pub fn padded<const N: usize>(values: &[f64]) -> [f64; N] {
-    std::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0))
 }
 
 /// Words as a sample carries them, cut where they do not fit.

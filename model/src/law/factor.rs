@@ -3,7 +3,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::{
-    Command,
+    Command, Signals,
     describe::{Default, Form, Parameter, Per, Signal},
 };
 use crate::{
@@ -18,10 +18,8 @@ use crate::{
 pub struct Factor<T, const M: usize> {
     /// Which equation.
     pub kind: FactorKind,
-    /// ε or e_max, m.
-    pub error: Threshold<T, M>,
-    /// ε̇ or ė_max, m/s.
-    pub error_rate: Threshold<T, M>,
+    /// ε and ε̇, or e_max and ė_max.
+    pub thresholds: Thresholds<T, M>,
     /// What k is multiplied with: its largest value, if that is not one as in the paper. A held loop of
     /// eq. (16) is asymptotically stable only below (2 K_d − K_p T_s)/(2 K_d + K_p T_s).
     pub ceiling: Option<T>,
@@ -40,26 +38,13 @@ pub enum FactorKind {
     Diagonal,
 }
 
-/// A positive threshold: one for all axes, as in the paper, or one for each.
+/// Positive thresholds, the first of the tracking error, m, the second of its rate, m/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Threshold<T, const M: usize> {
-    /// The same on all axes.
-    Same(T),
-    /// One for each axis.
-    Each(SVector<T, M>),
-}
-
-/// A regulating factor.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Regulation<T, const M: usize> {
-    /// Use none of the memory: k = 0.
-    Nothing,
-    /// Use the memory as it is: k = 1, without a multiplication.
-    Everything,
-    /// k of one or zero: use the memory as it is, or none of it, without a multiplication.
-    Switch(T),
-    /// k on each axis: the diagonal of K.
-    Each(SVector<T, M>),
+pub enum Thresholds<T, const M: usize> {
+    /// The same on all axes, as in the paper.
+    Same(T, T),
+    /// A number for each axis: the diagonals of E and Ė.
+    Each(SVector<T, M>, SVector<T, M>),
 }
 
 /// A task force and what the memory had to do with it.
@@ -69,27 +54,29 @@ pub struct Remembered<T, const M: usize> {
     pub force: SVector<T, M>,
     /// h, N.
     pub memory: SVector<T, M>,
-    /// k.
-    pub factor: Regulation<T, M>,
+    /// k on each axis: the diagonal of K.
+    pub factor: SVector<T, M>,
 }
 
 impl<T: Scalar, const M: usize> Remembered<T, M> {
     /// τ = Jᵀ Q̂, with k and h as signals.
     #[inline(always)]
-    pub fn command<const N: usize>(&self, jacobian: &SMatrix<T, M, N>) -> Command<T, N> {
-        let mut command = Command::of_task_force(jacobian, &self.force);
-        let k = self.factor.per_axis();
+    pub fn command<const N: usize>(
+        &self,
+        jacobian: &SMatrix<T, M, N>,
+        signals: &mut Signals<T>,
+    ) -> Command<T, N> {
         for i in 0..M {
-            command.signals[i] = k[i];
-            command.signals[M + i] = self.memory[i];
+            signals[i] = self.factor[i];
+            signals[M + i] = self.memory[i];
         }
-        command
+        Command::of_task_force(jacobian, &self.force)
     }
 }
 
-lift! { struct Factor<T, M> { kind, error, error_rate, ceiling } }
+lift! { struct Factor<T, M> { kind, thresholds, ceiling } }
 lift! { enum FactorKind { Constant, Switch, Exponential, Diagonal } }
-lift! { enum Threshold<T, M> { Same(all), Each(each) } }
+lift! { enum Thresholds<T, M> { Same(error, error_rate), Each(error, error_rate) } }
 
 const KINDS: [(&str, FactorKind); 4] = [
     ("constant", FactorKind::Constant),
@@ -155,8 +142,7 @@ impl Factor<f64, MAX_AXES> {
     /// The paper's: eq. (15a) with e_max = 1 m and ė_max = 10 m/s.
     pub const PAPER: Self = Self {
         kind: FactorKind::Exponential,
-        error: Threshold::Same(1.0),
-        error_rate: Threshold::Same(10.0),
+        thresholds: Thresholds::Same(1.0, 10.0),
         ceiling: None,
     };
     /// k = 1.
@@ -176,9 +162,7 @@ impl Factor<f64, MAX_AXES> {
         };
         let factor = Self {
             kind: section.choice("kind", &KINDS, Some(default.kind))?,
-            error: Threshold::read(&section, "error", "m", axes)?.unwrap_or(default.error),
-            error_rate: Threshold::read(&section, "error_rate", "m/s", axes)?
-                .unwrap_or(default.error_rate),
+            thresholds: Thresholds::read(&section, axes, default.thresholds)?,
             ceiling: ceiling(&section)?.filter(|k| *k != 1.0),
         };
         section.finish()?;
@@ -186,49 +170,68 @@ impl Factor<f64, MAX_AXES> {
     }
 }
 
-impl Threshold<f64, MAX_AXES> {
-    fn read(
-        section: &Section<'_>,
-        key: &str,
-        unit: &str,
-        axes: usize,
-    ) -> Result<Option<Self>, ScenarioError> {
-        let expected = format!("a threshold in {unit} greater than 0, or a list of {axes}");
-        let list = section.per_axis(key, axes, &expected, |x| x > 0.0)?;
-        Ok(list.map(|list| {
-            if list.iter().all(|x| *x == list[0]) {
-                return Self::Same(list[0]);
-            }
-            Self::Each(SVector::from_fn(|i, _| list.get(i).copied().unwrap_or(1.0)))
-        }))
+impl Thresholds<f64, MAX_AXES> {
+    fn read(section: &Section<'_>, axes: usize, default: Self) -> Result<Self, ScenarioError> {
+        let list = |key, unit| {
+            let expected = format!("a threshold in {unit} greater than 0, or a list of {axes}");
+            section.per_axis(key, axes, &expected, |x| x > 0.0)
+        };
+        let (error, error_rate) = default.each();
+        let all = |given: Option<Vec<f64>>, default: SVector<f64, MAX_AXES>| match given {
+            None => default,
+            // What is past the last axis must not make a difference.
+            Some(list) => SVector::from_fn(|i, _| list.get(i).copied().unwrap_or(list[0])),
+        };
+        let error = all(list("error", "m")?, error);
+        let error_rate = all(list("error_rate", "m/s")?, error_rate);
+        let is_same = |each: &SVector<f64, MAX_AXES>| each.iter().all(|x| *x == each[0]);
+        if is_same(&error) && is_same(&error_rate) {
+            return Ok(Self::Same(error[0], error_rate[0]));
+        }
+        Ok(Self::Each(error, error_rate))
     }
 }
 
-impl<T: Scalar, const M: usize> Threshold<T, M> {
-    /// ‖E⁻¹ x‖.
+impl<T: Scalar, const M: usize> Thresholds<T, M> {
+    /// E and Ė.
     #[inline(always)]
-    fn relative(&self, x: &SVector<T, M>) -> T {
+    fn each(&self) -> (SVector<T, M>, SVector<T, M>) {
         match self {
-            Self::Same(all) => matrix::norm(x) / *all,
-            Self::Each(each) => matrix::norm(&x.component_div(each)),
+            Self::Same(error, error_rate) => {
+                (SVector::repeat(*error), SVector::repeat(*error_rate))
+            }
+            Self::Each(error, error_rate) => (*error, *error_rate),
         }
     }
 
-    /// `then` where ‖E⁻¹ x‖ < 1, else `otherwise`.
+    /// ‖E⁻¹ e‖ + ‖Ė⁻¹ ė‖.
     #[inline(always)]
-    fn where_within(&self, x: &SVector<T, M>, then: T, otherwise: T) -> T {
+    fn relative(&self, e: &TrackingError<T, M>) -> T {
         match self {
-            Self::Same(all) => matrix::norm(x).where_below(*all, then, otherwise),
-            Self::Each(_) => self.relative(x).where_below(T::one(), then, otherwise),
+            Self::Same(error, error_rate) => {
+                matrix::norm(&e.position) / *error + matrix::norm(&e.velocity) / *error_rate
+            }
+            Self::Each(error, error_rate) => {
+                matrix::norm(&e.position.component_div(error))
+                    + matrix::norm(&e.velocity.component_div(error_rate))
+            }
         }
     }
 
-    /// |xᵢ|/Eᵢ on each axis.
+    /// 1 where ‖E⁻¹ e‖ < 1 and ‖Ė⁻¹ ė‖ < 1, else 0.
     #[inline(always)]
-    fn relative_each(&self, x: &SVector<T, M>) -> SVector<T, M> {
+    fn contain(&self, e: &TrackingError<T, M>) -> T {
+        let (one, zero) = (T::one(), T::zero());
         match self {
-            Self::Same(all) => x.map(|x| x.abs() / *all),
-            Self::Each(each) => x.zip_map(each, |x, threshold| x.abs() / threshold),
+            Self::Same(error, error_rate) => {
+                let slow = matrix::norm(&e.velocity).where_below(*error_rate, one, zero);
+                matrix::norm(&e.position).where_below(*error, slow, zero)
+            }
+            Self::Each(error, error_rate) => {
+                let rate = matrix::norm(&e.velocity.component_div(error_rate));
+                let slow = rate.where_below(one, one, zero);
+                matrix::norm(&e.position.component_div(error)).where_below(one, slow, zero)
+            }
         }
     }
 }
@@ -236,8 +239,8 @@ impl<T: Scalar, const M: usize> Threshold<T, M> {
 impl<T: Scalar, const M: usize> Factor<T, M> {
     /// k whatever the error: what a loop has to be linear.
     pub fn constant(k: T) -> Self {
-        let unused = Threshold::Same(T::one());
-        Self { kind: FactorKind::Constant, error: unused, error_rate: unused, ceiling: Some(k) }
+        let thresholds = Thresholds::Same(T::one(), T::one());
+        Self { kind: FactorKind::Constant, thresholds, ceiling: Some(k) }
     }
 
     /// Adds h = k · remembered to a task force; `None` at the first step, where k = 0.
@@ -249,71 +252,44 @@ impl<T: Scalar, const M: usize> Factor<T, M> {
         remembered: Option<&SVector<T, M>>,
     ) -> Remembered<T, M> {
         let Some(remembered) = remembered else {
-            return Remembered { force, memory: SVector::zeros(), factor: Regulation::Nothing };
+            let nothing = SVector::zeros();
+            return Remembered { force, memory: nothing, factor: nothing };
         };
-        let factor = self.regulate(error);
-        let memory = factor.times(remembered);
+        let (factor, memory) = self.regulate(error, remembered);
         Remembered { force: force + memory, memory, factor }
     }
 
-    /// k for a tracking error.
+    /// k for a tracking error, and k · remembered: without a multiplication where k is one or zero.
     #[inline(always)]
-    pub fn regulate(&self, e: &TrackingError<T, M>) -> Regulation<T, M> {
-        let Self { error, error_rate, .. } = self;
-        let k = match self.kind {
-            FactorKind::Constant => Regulation::Everything,
+    fn regulate(
+        &self,
+        e: &TrackingError<T, M>,
+        remembered: &SVector<T, M>,
+    ) -> (SVector<T, M>, SVector<T, M>) {
+        let (k, memory) = match self.kind {
+            FactorKind::Constant => (SVector::repeat(T::one()), *remembered),
             FactorKind::Switch => {
-                let (one, zero) = (T::one(), T::zero());
-                let slow = error_rate.where_within(&e.velocity, one, zero);
-                Regulation::Switch(error.where_within(&e.position, slow, zero))
+                let (k, zero) = (self.thresholds.contain(e), T::zero());
+                (SVector::repeat(k), remembered.map(|entry| zero.where_below(k, entry, zero)))
             }
             FactorKind::Exponential => {
-                let sum = error.relative(&e.position) + error_rate.relative(&e.velocity);
-                Regulation::Each(SVector::repeat((-sum).exp()))
+                let k = SVector::<T, M>::repeat((-self.thresholds.relative(e)).exp());
+                (k, k.component_mul(remembered))
             }
             FactorKind::Diagonal => {
-                let sum = error.relative_each(&e.position) + error_rate.relative_each(&e.velocity);
-                Regulation::Each(T::exp_each(&-sum))
+                let (error, error_rate) = self.thresholds.each();
+                let relative = e.position.zip_map(&error, |e, all| e.abs() / all)
+                    + e.velocity.zip_map(&error_rate, |e, all| e.abs() / all);
+                let k = T::exp_each(&-relative);
+                (k, k.component_mul(remembered))
             }
         };
         match self.ceiling {
-            None => k,
-            Some(ceiling) => k.under(ceiling),
-        }
-    }
-}
-
-impl<T: Scalar, const M: usize> Regulation<T, M> {
-    /// k · memory.
-    #[inline(always)]
-    pub fn times(&self, memory: &SVector<T, M>) -> SVector<T, M> {
-        match self {
-            Self::Nothing => SVector::zeros(),
-            Self::Everything => *memory,
-            Self::Switch(k) => memory.map(|entry| T::zero().where_below(*k, entry, T::zero())),
-            Self::Each(k) => k.component_mul(memory),
-        }
-    }
-
-    /// c k: the same factor under a ceiling c.
-    #[inline(always)]
-    fn under(self, ceiling: T) -> Self {
-        match self {
-            Self::Nothing => self,
-            Self::Everything => Self::Each(SVector::repeat(ceiling)),
-            Self::Switch(k) => Self::Each(SVector::repeat(k * ceiling)),
-            Self::Each(k) => Self::Each(k * ceiling),
-        }
-    }
-
-    /// k on each axis.
-    #[inline(always)]
-    pub fn per_axis(&self) -> SVector<T, M> {
-        match self {
-            Self::Nothing => SVector::zeros(),
-            Self::Everything => SVector::repeat(T::one()),
-            Self::Switch(k) => SVector::repeat(*k),
-            Self::Each(k) => *k,
+            None => (k, memory),
+            Some(ceiling) => {
+                let k = k * ceiling;
+                (k, k.component_mul(remembered))
+            }
         }
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::{
-    Command, Declaration, Equation, Situation,
+    Command, Declaration, Equation, Signals, Situation,
     describe::{Description, Parameter},
     tj::{FORCE, KD, KP},
 };
@@ -100,6 +100,7 @@ impl<T: Scalar, const M: usize> Equation<T, M> for ModelBased<T, M> {
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
         now: &Situation<'_, T, A, N, M>,
+        _: &mut Signals<T>,
     ) -> Command<T, N> {
         let (dynamics, condition) = task_dynamics(now);
         let force = self.task_force(now.error, &now.desired.acceleration, &dynamics);

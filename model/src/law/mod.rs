@@ -1,7 +1,7 @@
 //! The control laws, one file each, and their registry.
 //!
-//! A law turns what is known at a sampling instant, a [`Situation`], into a [`Command`]: joint torques,
-//! an echo, and signals to show. What it remembers travels as the echo: the plant holds it with the
+//! A law turns what is known at a sampling instant, a [`Situation`], into a [`Command`], joint torques and
+//! an echo, and into [`Signals`] to show. What it remembers travels as the echo: the plant holds it with the
 //! torque, scales it with it, and returns it, so that memory and prediction work for every law.
 //!
 //! To add a law, write a file like `tj.rs` and add one line to the registry below. Settings and their
@@ -23,7 +23,8 @@ pub use describe::{Description, Parameter, Per, Signal};
 use crate::{
     MAX_AXES, MAX_ECHO, MAX_SIGNALS,
     arm::Kinematics,
-    lift, matrix,
+    lift,
+    matrix::{self, padded},
     scalar::Scalar,
     scenario::{
         ArmSettings,
@@ -34,7 +35,9 @@ use crate::{
 };
 
 /// What a law hands over beside its torque; numbers past the law's are zero.
-pub type Echo<T> = SVector<T, MAX_ECHO>;
+pub type Echo<T> = [T; MAX_ECHO];
+/// What a law shows: its signals, one after the other as its description lists them.
+pub type Signals<T> = [T; MAX_SIGNALS];
 
 /// What is known at a sampling instant of an arm `A` with `N` joints and a task with `M` axes.
 #[derive(Debug)]
@@ -62,8 +65,6 @@ pub struct Command<T, const N: usize> {
     pub torque: SVector<T, N>,
     /// Numbers that the plant holds with the torque and returns.
     pub echo: Echo<T>,
-    /// The law's signals, one after the other as its description lists them.
-    pub signals: SVector<T, MAX_SIGNALS>,
     /// |A| |A⁻¹| of the matrix A that the law inverts, J or J H⁻¹ Jᵀ; zero if it inverts none. Where A
     /// is singular, the command means nothing.
     pub condition: T,
@@ -78,29 +79,26 @@ impl<T: Scalar, const N: usize> Command<T, N> {
     ) -> Self {
         Self {
             torque: matrix::transpose_times(jacobian, force),
-            echo: first(force),
-            signals: SVector::zeros(),
+            echo: padded(force.as_slice()),
             condition: T::zero(),
         }
     }
 }
 
-/// A vector as the beginning of another, whose other entries are zero; or its beginning.
+/// The task force that was remembered, from an echo that [`Command::of_task_force`] made.
 #[inline(always)]
-pub fn first<T: Scalar, const M: usize, const E: usize>(from: &SVector<T, M>) -> SVector<T, E> {
-    let mut to = SVector::zeros();
-    for i in 0..if M < E { M } else { E } {
-        to[i] = from[i];
-    }
-    to
+fn recalled<T: Scalar, const M: usize>(echo: &Echo<T>) -> SVector<T, M> {
+    padded(echo).into()
 }
 
 /// The equation of a law for a task with `M` axes.
 pub trait Equation<T: Scalar, const M: usize>: Copy {
-    /// The law's answer to a situation.
+    /// The law's answer to a situation. Its signals go where they are shown, so that whoever does not
+    /// look at them need not carry them about.
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
         now: &Situation<'_, T, A, N, M>,
+        signals: &mut Signals<T>,
     ) -> Command<T, N>;
 
     /// How the law regulates its memory, if it does.
@@ -143,9 +141,10 @@ macro_rules! register {
             fn command<A: Kinematics<T, N, M>, const N: usize>(
                 &self,
                 now: &Situation<'_, T, A, N, M>,
+                signals: &mut Signals<T>,
             ) -> Command<T, N> {
                 match self {
-                    $(Self::$variant(law) => law.command(now),)*
+                    $(Self::$variant(law) => law.command(now, signals),)*
                 }
             }
 

@@ -3,11 +3,11 @@
 use nalgebra::SVector;
 
 use super::{
-    Command, Declaration, Equation, Situation,
+    Command, Declaration, Equation, Signals, Situation,
     describe::{Default, Description, Form, Parameter},
     factor::{self, Factor, Remembered},
-    first,
     mass::{self, Mass},
+    recalled,
     tj::{FORCE, KD, KP, TransposeJacobian},
 };
 use crate::{
@@ -107,14 +107,17 @@ impl<T: Scalar, const M: usize> Equation<T, M> for ModifiedTransposeJacobian<T, 
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
         now: &Situation<'_, T, A, N, M>,
+        signals: &mut Signals<T>,
     ) -> Command<T, N> {
-        let memory = now.memory.map(first);
+        let memory = now.memory.map(recalled);
         let Some(mass) = &self.acceleration else {
-            return self.task_force(now.error, memory.as_ref(), None).command(now.jacobian);
+            return self
+                .task_force(now.error, memory.as_ref(), None)
+                .command(now.jacobian, signals);
         };
         let (term, condition) = mass.times(&(now.desired.acceleration - now.acceleration), now);
         let answer = self.task_force(now.error, memory.as_ref(), Some(&term));
-        Command { condition, ..answer.command(now.jacobian) }
+        Command { condition, ..answer.command(now.jacobian, signals) }
     }
 
     fn factor(&self) -> Option<&Factor<T, M>> {

@@ -1,12 +1,12 @@
 //! Time-delay control.
 
 use super::{
-    Command, Declaration, Equation, Situation,
+    Command, Declaration, Equation, Signals, Situation,
     describe::{Default, Description, Parameter},
     factor::{self, Factor},
-    first,
     mass::{self, Mass},
     mb::{KD_OF_ACCELERATION, KP_OF_ACCELERATION},
+    recalled,
     tj::FORCE,
 };
 use crate::{
@@ -86,14 +86,15 @@ impl<T: Scalar, const M: usize> Equation<T, M> for TimeDelay<T, M> {
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
         now: &Situation<'_, T, A, N, M>,
+        signals: &mut Signals<T>,
     ) -> Command<T, N> {
         let wanted = now.desired.acceleration - now.acceleration
             + self.kd.times(&now.error.velocity)
             + self.kp.times(&now.error.position);
         let (force, condition) = self.mass.times(&wanted, now);
-        let memory = now.memory.map(first);
+        let memory = now.memory.map(recalled);
         let answer = self.factor.add_memory(force, now.error, memory.as_ref());
-        Command { condition, ..answer.command(now.jacobian) }
+        Command { condition, ..answer.command(now.jacobian, signals) }
     }
 
     fn factor(&self) -> Option<&Factor<T, M>> {

@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::{
-    Command, Declaration, Equation, Situation,
+    Command, Declaration, Equation, Signals, Situation,
     describe::{Default, Description, Form, Parameter, Per, Signal},
 };
 use crate::{
@@ -88,6 +88,7 @@ impl<T: Scalar, const M: usize> Equation<T, M> for TransposeJacobian<T, M> {
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
         now: &Situation<'_, T, A, N, M>,
+        _: &mut Signals<T>,
     ) -> Command<T, N> {
         Command::of_task_force(now.jacobian, &self.task_force(now.error))
     }

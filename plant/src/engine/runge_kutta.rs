@@ -1,7 +1,6 @@
 //! A fixed-step fourth-order Runge–Kutta integrator.
 
 use mtj_model::{
-    MAX_JOINTS,
     arm::{
         Arm,
         planar::{Configuration, PlanarArm},
@@ -91,8 +90,8 @@ impl<const N: usize> Engine for RungeKutta<N> {
     fn state(&self) -> State {
         State {
             time_ns: self.time_ns,
-            position: padded::<MAX_JOINTS>(self.state.position.as_slice()),
-            velocity: padded::<MAX_JOINTS>(self.state.velocity.as_slice()),
+            position: padded(self.state.position.as_slice()),
+            velocity: padded(self.state.velocity.as_slice()),
             energy: self.state.energy,
         }
     }

@@ -10,7 +10,7 @@ use mtj_model::{
     for_links,
     gains::Gains,
     law::{
-        factor::{Factor, FactorKind, Threshold},
+        factor::{Factor, FactorKind, Thresholds},
         mb::ModelBased,
         mtj::ModifiedTransposeJacobian,
         tj::TransposeJacobian,
@@ -119,9 +119,8 @@ fn count_at<const N: usize>() -> Counts {
 
     let tj = TransposeJacobian { kp, kd };
     let with_factor = |kind| {
-        let (error_rate, ceiling) = (Threshold::Same(Counted(100.0)), None);
-        let threshold = Threshold::Same(Counted(10.0));
-        let factor = Factor { kind, error: threshold, error_rate, ceiling };
+        let thresholds = Thresholds::Same(Counted(10.0), Counted(100.0));
+        let factor = Factor { kind, thresholds, ceiling: None };
         let law = ModifiedTransposeJacobian { tj, factor, acceleration: None };
         step(&|| law.task_force(&error, Some(&remembered), None).force)
     };

@@ -16,8 +16,10 @@
 
 use mtj_controller::responder::{Recollection, Responder};
 use mtj_model::{
+    MAX_SIGNALS,
     arm::point_mass::PointMass,
-    law::{Law, first},
+    law::Law,
+    matrix::padded,
     scenario::MemoryPolicy,
     task::Previous,
     trajectory::{PointToPoint, Trajectory},
@@ -88,7 +90,7 @@ impl<const M: usize> LinearLoop<M> {
             MemoryPolicy::Sent => vector(state.forces, 0),
             MemoryPolicy::Applied | MemoryPolicy::Delivered => state.echoed,
         };
-        let echo = first(&remembered);
+        let echo = padded(remembered.as_slice());
         let recollection = Recollection {
             previous: Previous { time: -self.period, velocity: state.v_before },
             horizon: self.predicts.then_some(self.latency),
@@ -97,7 +99,8 @@ impl<const M: usize> LinearLoop<M> {
         };
         let arm = PointMass { mass: self.model_mass };
         let responder = Responder { arm, trajectory: REST, law: self.law };
-        responder.respond(0.0, &[state.x, state.v], &recollection).command.torque
+        let mut unseen = [0.0; MAX_SIGNALS];
+        responder.respond(0.0, &[state.x, state.v], &recollection, &mut unseen).command.torque
     }
 
     /// The state one period on.

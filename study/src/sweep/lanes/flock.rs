@@ -2,18 +2,17 @@
 
 use mtj_controller::responder::{Recollection, Responder, Response, is_singular};
 use mtj_model::{
+    MAX_SIGNALS,
     arm::{
         Kinematics,
         planar::{Configuration, PlanarArm},
     },
     lanes::Lanes,
-    law::first,
     lift::Lift,
-    matrix,
+    matrix::{self, padded},
     task::{Previous, Task},
 };
 use mtj_plant::dormand_prince::DormandPrince;
-use mtj_protocol::sample::padded;
 use nalgebra::SVector;
 
 use super::{
@@ -133,7 +132,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
     /// A lane's arm has come to the event it was moving to; returns whether that was its last.
     #[inline(always)]
     fn reach(&mut self, lane: usize) -> bool {
-        let velocity = numbers(&self.arms.velocity, lane);
+        let velocity = numbers(self.arms.velocity.as_slice(), lane);
         let place = &mut self.loops[lane];
         let Some(this) = &mut place.lane else { return false };
         this.observe(&velocity);
@@ -146,7 +145,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
                 Event::End => break,
                 Event::Arrive => {
                     if let Some(torque) = this.arrive() {
-                        put(&mut self.arms.torque, lane, &torque);
+                        put(self.arms.torque.as_mut_slice(), lane, &torque);
                     }
                     if this.has_diverged() {
                         break;
@@ -193,7 +192,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
     #[inline(always)]
     fn take_samples(&mut self) -> Samples<T, N, E> {
         let (position, velocity) = (self.arms.position, self.arms.velocity);
-        let (zero, nothing) = (T::zero(), SVector::zeros());
+        let (zero, nothing) = (T::zero(), [T::zero(); E]);
         let (time, horizon, recalled, is_heard) = (zero, zero, nothing, zero);
         let mut all = Samples { time, position, velocity, horizon, recalled, is_heard };
         for lane in 0..T::COUNT {
@@ -205,12 +204,12 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
             }
             let Sample { recalled, horizon, delivered_ns } = this.sample();
             if self.has_noise {
-                let truly = (numbers(&position, lane), numbers(&velocity, lane));
-                let (q, q_dot) = this.sense(padded(&truly.0), padded(&truly.1));
-                put(&mut all.position, lane, &q);
-                put(&mut all.velocity, lane, &q_dot);
+                let (q, q_dot) = this
+                    .sense(numbers(position.as_slice(), lane), numbers(velocity.as_slice(), lane));
+                put(all.position.as_mut_slice(), lane, &q);
+                put(all.velocity.as_mut_slice(), lane, &q_dot);
             }
-            put(&mut all.recalled, lane, recalled.as_slice());
+            put(&mut all.recalled, lane, &recalled);
             all.horizon.set(lane, horizon);
             all.is_heard.set(lane, if delivered_ns.is_some() { 1.0 } else { 0.0 });
             place.delivered_ns = delivered_ns;
@@ -225,14 +224,15 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
         } else {
             *self.arms.configuration()
         };
-        let echo = first(&samples.recalled);
+        let echo = padded(&samples.recalled);
         let recollection = Recollection {
             previous: self.previous,
             horizon: if self.predicts { Some(samples.horizon) } else { None },
             echo: Some(&echo),
             precomputed: None,
         };
-        let response = self.responder.respond(samples.time, &at, &recollection);
+        let mut unseen = [T::zero(); MAX_SIGNALS];
+        let response = self.responder.respond(samples.time, &at, &recollection, &mut unseen);
         let heard = |new: T, old: T| T::zero().where_below(samples.is_heard, new, old);
         self.previous.time = heard(response.tip.time, self.previous.time);
         for axis in 0..M {
@@ -282,10 +282,10 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
                 place.lane = None;
                 return true;
             }
-            let torque = numbers(&response.command.torque, lane);
-            let echo = numbers(&first::<T, _, E>(&response.command.echo), lane);
+            let torque = numbers(response.command.torque.as_slice(), lane);
+            let echo = numbers(&response.command.echo, lane);
             if let Some(torque) = this.command(delivered_ns, torque, echo) {
-                put(&mut self.arms.torque, lane, &torque);
+                put(self.arms.torque.as_mut_slice(), lane, &torque);
             }
         }
         let span = this.look_ahead();
@@ -308,14 +308,14 @@ struct Samples<T, const N: usize, const E: usize> {
     /// s.
     horizon: T,
     /// The remembered echo.
-    recalled: SVector<T, E>,
+    recalled: [T; E],
     /// One where the sample reaches its controller, else zero.
     is_heard: T,
 }
 
-/// The numbers of one lane.
+/// The numbers of one lane; zeros where there are none.
 #[inline(always)]
-fn numbers<T: Lanes, const N: usize>(all: &SVector<T, N>, lane: usize) -> [f64; N] {
+fn numbers<T: Lanes, const N: usize>(all: &[T], lane: usize) -> [f64; N] {
     let mut numbers = [0.0; N];
     for (number, all) in numbers.iter_mut().zip(all.iter()) {
         *number = all.get(lane);
@@ -325,7 +325,7 @@ fn numbers<T: Lanes, const N: usize>(all: &SVector<T, N>, lane: usize) -> [f64; 
 
 /// Puts numbers into one lane.
 #[inline(always)]
-fn put<T: Lanes, const N: usize>(all: &mut SVector<T, N>, lane: usize, numbers: &[f64]) {
+fn put<T: Lanes>(all: &mut [T], lane: usize, numbers: &[f64]) {
     for (all, number) in all.iter_mut().zip(numbers) {
         all.set(lane, *number);
     }

@@ -16,7 +16,6 @@ use mtj_plant::{
     sequencer::{Departure, Sequencer},
 };
 use mtj_protocol::{bus::BusError, sample::Joints};
-use nalgebra::SVector;
 
 /// What comes next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +31,7 @@ pub enum Event {
 /// What a sample gives the law.
 pub struct Sample<const E: usize> {
     /// The remembered echo; zero at the first sample.
-    pub recalled: SVector<f64, E>,
+    pub recalled: [f64; E],
     /// How far ahead to aim, s.
     pub horizon: f64,
     /// When the state reaches the controller, ns; `None` if it never does.
@@ -150,21 +149,21 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
         let recalled = self.recall();
         let delivered_ns = self.delivery();
         Sample {
-            recalled: recalled.unwrap_or(SVector::zeros()),
+            recalled: recalled.unwrap_or([0.0; E]),
             horizon: horizon.unwrap_or(0.0),
             delivered_ns,
         }
     }
 
     #[inline(always)]
-    fn recall(&mut self) -> Option<SVector<f64, E>> {
+    fn recall(&mut self) -> Option<[f64; E]> {
         let memory = self.memory.as_ref()?;
         let delivered = if self.scenario.law.memory.policy == MemoryPolicy::Delivered {
             self.sequencer.delivered(self.time_ns)
         } else {
             [0.0; E]
         };
-        memory.recall(|| self.sequencer.actuator().applied().into(), || delivered.into())
+        memory.recall(&self.sequencer.actuator().applied(), &delivered).copied()
     }
 
     /// When the state measured now reaches the controller; `None` if it is lost, overtaken, or too late
@@ -215,7 +214,7 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
         echo: [f64; E],
     ) -> Option<[f64; N]> {
         if let Some(memory) = &mut self.memory {
-            memory.store(self.time_ns, &echo.into());
+            memory.store(self.time_ns, &echo);
         }
         let (sequence, sampled_ns) = (self.sequence, self.time_ns);
         let is_finite = torque.iter().chain(&echo).all(|x| x.is_finite());
