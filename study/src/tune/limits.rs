@@ -10,7 +10,11 @@ use mtj_model::{
 };
 use nalgebra::{SMatrix, SVector};
 
-use super::{MARGIN, Remedy, Values, Wanted, trial, verify};
+use super::{
+    MARGIN, Wanted, trial,
+    values::{Remedy, Values},
+    verify,
+};
 use crate::{
     failure::Failure,
     predict::{TRUST, linear::LinearLoop, path},
@@ -69,7 +73,7 @@ pub fn motion(
             Override::value("law.kd", 10.0.into()),
         ]);
     }
-    verify::run(&trial(scenario, &none, 0.0, &set)?, proceed)
+    verify::run(&[trial(scenario, &none, 0.0, &set)?], proceed)
 }
 
 impl Arm {
@@ -137,16 +141,11 @@ impl Arm {
         bound
     }
 
-    /// M̄ of a remedy, kg.
-    pub fn mass(&self, remedy: Remedy) -> Option<f64> {
-        remedy.mass_ratio.map(|ratio| ratio * self.masses.least)
-    }
-
     /// The loop on one mass at [`MARGIN`] times the latency.
     fn linear(&self, kd: f64, mass: f64, k: f64, remedy: Remedy, wanted: &Wanted) -> LinearLoop<1> {
         let gain = |gain| Gains::Diagonal(SVector::repeat(gain));
         let tj = TransposeJacobian { kp: gain(kd / wanted.time_constant_s), kd: gain(kd) };
-        let acceleration = self.mass(remedy).map(|mass| Mass::Constant(gain(mass)));
+        let acceleration = remedy.mass.map(|mass| Mass::Constant(gain(mass)));
         let factor = Factor::constant(k);
         LinearLoop {
             law: Law::Mtj(ModifiedTransposeJacobian { tj, factor, acceleration }),
@@ -165,13 +164,14 @@ impl Arm {
         TRUST.min(1.0 - 2.0 * self.period / wanted.time_constant_s).max(0.0)
     }
 
-    /// Whether the loop is stable at [`MARGIN`] times the latency and at it, on the least and the
-    /// largest mass, with k at [`Self::trust`].
-    fn stands(&self, kd: f64, remedy: Remedy, wanted: &Wanted) -> bool {
+    /// Whether the loop is stable without latency, at the latency and at [`MARGIN`] times it, on the least
+    /// and the largest mass, with k at [`Self::trust`].
+    pub fn stands(&self, kd: f64, remedy: Remedy, wanted: &Wanted) -> bool {
         [self.masses.least, self.masses.most].into_iter().all(|mass| {
             let far = self.linear(kd, mass, self.trust(wanted), remedy, wanted);
-            let near = LinearLoop { latency: wanted.latency_s, ..far };
-            far.spectral_radius() < 1.0 && near.spectral_radius() < 1.0
+            [far.latency, wanted.latency_s, 0.0]
+                .into_iter()
+                .all(|latency| LinearLoop { latency, ..far }.spectral_radius() < 1.0)
         })
     }
 
@@ -223,7 +223,7 @@ impl Arm {
         let stands = self
             .largest_latency(values.kd, values.remedy, wanted)
             .map_or("no latency".to_owned(), |latency| format!("{:.3} ms", latency * 1e3));
-        let mass = match values.mass {
+        let mass = match values.remedy.mass {
             None => String::new(),
             Some(mass) => format!(
                 "; M̄ = {mass} kg lies above {:.2} kg, which K_p asks for, and below {:.2} kg, twice the least \
@@ -268,7 +268,7 @@ impl Arm {
                 leak * values.error * 1e3
             ),
         };
-        let tried = super::THRESHOLDS.map(|multiple| multiple.to_string()).join(", ");
+        let tried = super::search::THRESHOLDS.map(|multiple| multiple.to_string()).join(", ");
         format!(
             "{leak}; k > {k:.2} as soon as the error decays; least rms error of e_max = {tried} x \
              the initial error (here {multiple:.1})"

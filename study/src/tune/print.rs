@@ -5,13 +5,13 @@ use std::fmt::Write;
 use mtj_model::scenario::Override;
 use serde_json::{Value, json};
 
-use super::{MARGIN, Proposal, Wanted, verify::Verification};
+use super::{MARGIN, Proposal, STARTS, Wanted, verify::Verification};
 
 /// The `[law]` tables to paste into a scenario.
 pub fn snippet(proposal: &Proposal) -> String {
     let v = &proposal.values;
     let mut text = format!("[law]\nkind = \"mtj\"\nkp = {}\nkd = {}\n", v.kp, v.kd);
-    if let Some(mass) = v.mass {
+    if let Some(mass) = v.remedy.mass {
         let _ = write!(text, "acceleration = true\nmass = {mass}\n");
     }
     let _ = write!(
@@ -60,7 +60,11 @@ pub fn table(proposal: &Proposal, wanted: &Wanted, limit_source: &str) -> String
         ),
         ("K_d", format!("{} N s/m", v.kd), proposal.gain_reason.clone()),
         ("K_p", format!("{} N/m", v.kp), "K_d over the time constant".to_owned()),
-        ("M̄ of (11)", v.mass.map_or("none".to_owned(), |mass| format!("{mass} kg")), String::new()),
+        (
+            "M̄ of (11)",
+            v.remedy.mass.map_or("none".to_owned(), |mass| format!("{mass} kg")),
+            String::new(),
+        ),
         ("memory", v.remedy.name(), proposal.memory_reason.clone()),
         (
             "thresholds",
@@ -78,8 +82,12 @@ pub fn table(proposal: &Proposal, wanted: &Wanted, limit_source: &str) -> String
     text.push('\n');
     let _ = writeln!(
         text,
-        "{:<28} {:>10}  {:>13}  peak torque",
-        "verified by simulation", "rms error", "time constant"
+        "{:<28} {:>10}  {:>10}  {:>10}  {:>13}  peak torque",
+        format!("verified from {STARTS} starts"),
+        "rms error",
+        "median",
+        "worst",
+        "time constant"
     );
     let rows = [
         ("with the latency".to_owned(), &proposal.verified),
@@ -93,12 +101,12 @@ pub fn table(proposal: &Proposal, wanted: &Wanted, limit_source: &str) -> String
 }
 
 fn verification(row: &Verification) -> String {
-    let rms = match row.rms() {
-        rms if rms.is_finite() => format!("{:.2} mm", rms * 1e3),
-        _ => "runs away".to_owned(),
-    };
+    let millimetres =
+        |rms: Option<f64>| rms.map_or("runs away".to_owned(), |rms| format!("{:.2} mm", rms * 1e3));
+    let [own, median, worst] =
+        [row.rms_error_m, row.median_rms_error_m, row.worst_rms_error_m].map(millimetres);
     let tau = row.time_constant_s.map_or("-".to_owned(), |tau| format!("{tau:.2} s"));
-    format!("{rms:>10}  {tau:>13}  {}", torques(&row.peak_torque_nm))
+    format!("{own:>10}  {median:>10}  {worst:>10}  {tau:>13}  {}", torques(&row.peak_torque_nm))
 }
 
 fn torques(list: &[f64]) -> String {
@@ -118,7 +126,7 @@ pub fn object(proposal: &Proposal, wanted: &Wanted, source: &str, command: &str)
         "error_rate": v.error_rate,
         "memory": v.remedy.policy_name(),
         "predicts": v.remedy.predicts,
-        "mass": v.mass,
+        "mass": v.remedy.mass,
         "limits": {
             "gain": proposal.gain_reason,
             "memory": proposal.memory_reason,

@@ -7,28 +7,68 @@ use serde::Serialize;
 use super::Wanted;
 use crate::{experiment, failure::Failure};
 
-/// The measures of one simulation.
+/// The measures of simulations that differ in their start, the first from the scenario's own.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verification {
-    /// Whether the arm ran away.
+    /// Whether the arm ran away, from any start.
     pub diverged: bool,
-    /// Over the second half, m.
+    /// From the scenario's own start, over the second half, m.
     pub rms_error_m: Option<f64>,
-    /// Over the whole run, per joint, N m.
+    /// The median over the starts, m.
+    pub median_rms_error_m: Option<f64>,
+    /// The largest over the starts, m.
+    pub worst_rms_error_m: Option<f64>,
+    /// The largest over the whole run and over the starts, per joint, N m.
     pub peak_torque_nm: Vec<f64>,
-    /// Over the second half, per joint, N m.
+    /// The same over the second half.
     pub settled_torque_nm: Vec<f64>,
     /// Of the initial decay, s; null where the error does not decay far enough to tell.
     pub time_constant_s: Option<f64>,
-    /// rms error of the last quarter over that of the one before.
+    /// rms error of the last quarter over that of the one before: the median over the starts, because on
+    /// a redundant arm without damping it differs from start to start.
     pub growth: f64,
+}
+
+/// The measures of one simulation.
+struct Run {
+    rms: f64,
+    peak_torque: Vec<f64>,
+    settled_torque: Vec<f64>,
+    time_constant: Option<f64>,
+    growth: f64,
 }
 
 /// An error that grows by more than this from the third quarter to the last is not stable.
 const GROWTH: f64 = 1.5;
 
-/// Runs a scenario in lockstep.
-pub fn run(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Verification, Failure> {
+/// Runs a scenario in lockstep from each of its starts.
+pub fn run(starts: &[Scenario], proceed: &dyn Fn() -> bool) -> Result<Verification, Failure> {
+    let runs =
+        starts.iter().map(|start| simulate(start, proceed)).collect::<Result<Vec<_>, _>>()?;
+    let sorted = |of: fn(&Run) -> f64| {
+        let mut list: Vec<_> = runs.iter().map(of).collect();
+        list.sort_by(f64::total_cmp);
+        list
+    };
+    let (rms, growth) = (sorted(|run| run.rms), sorted(|run| run.growth));
+    let largest = |of: fn(&Run) -> &[f64]| {
+        let joints = of(&runs[0]).len();
+        (0..joints).map(|i| runs.iter().map(|run| of(run)[i]).fold(0.0, f64::max)).collect()
+    };
+    let known = |rms: f64| rms.is_finite().then_some(rms);
+    Ok(Verification {
+        diverged: rms.iter().any(|rms| rms.is_infinite()),
+        rms_error_m: known(runs[0].rms),
+        median_rms_error_m: known(rms[rms.len() / 2]),
+        worst_rms_error_m: known(rms[rms.len() - 1]),
+        peak_torque_nm: largest(|run| &run.peak_torque),
+        settled_torque_nm: largest(|run| &run.settled_torque),
+        time_constant_s: runs[0].time_constant,
+        growth: growth[growth.len() / 2],
+    })
+}
+
+fn simulate(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Run, Failure> {
     let run = experiment::run_direct(scenario, true, proceed)?;
     let rows = &run.trace;
     let half = &rows[rows.len() / 2..];
@@ -36,13 +76,12 @@ pub fn run(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Verificati
     let settled = |joint: usize| half.iter().map(|row| row.torque[joint].abs()).fold(0.0, f64::max);
     let quarter = rows.len() / 4;
     let growth = rms(&rows[3 * quarter..]) / rms(&rows[2 * quarter..3 * quarter]);
-    let rms_error_m = run.report.rms_error_m;
-    Ok(Verification {
-        diverged: run.report.diverged,
-        rms_error_m,
-        peak_torque_nm: run.report.peak_torque_nm,
-        settled_torque_nm: (0..joints).map(settled).collect(),
-        time_constant_s: rms_error_m.and_then(|floor| time_constant(rows, floor)),
+    let floor = run.report.rms_error_m.filter(|_| !run.report.diverged);
+    Ok(Run {
+        rms: floor.unwrap_or(f64::INFINITY),
+        peak_torque: run.report.peak_torque_nm,
+        settled_torque: (0..joints).map(settled).collect(),
+        time_constant: floor.and_then(|floor| time_constant(rows, floor)),
         growth,
     })
 }
@@ -80,16 +119,16 @@ fn time_constant(rows: &[Row], floor: f64) -> Option<f64> {
 }
 
 impl Verification {
-    /// The rms error; infinite for a run that has none.
-    pub fn rms(&self) -> f64 {
-        if self.diverged { f64::INFINITY } else { self.rms_error_m.unwrap_or(f64::INFINITY) }
+    /// The largest rms error over the starts; infinite if the arm runs away from one.
+    pub fn worst(&self) -> f64 {
+        self.worst_rms_error_m.unwrap_or(f64::INFINITY)
     }
 
     /// What speaks against a proposal that was run at a multiple of the latency.
     pub fn problem(&self, wanted: &Wanted, multiple: f64) -> Option<String> {
         let at =
             if multiple == 1.0 { String::new() } else { format!(" at {multiple} x the latency") };
-        if !self.rms().is_finite() {
+        if self.diverged {
             return Some(format!("the arm runs away{at}"));
         }
         if self.growth.is_nan() || self.growth > GROWTH {
