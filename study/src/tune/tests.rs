@@ -101,9 +101,8 @@ const BY_HAND: [&[&str]; 3] = [
 ];
 
 fn is_at_most_the_best_by_hand(network: &[&str]) {
-    let parse = |set: &[&str]| -> Vec<Override> {
-        set.iter().map(|text| text.parse().unwrap()).collect()
-    };
+    let parse =
+        |set: &[&str]| -> Vec<Override> { set.iter().map(|text| text.parse().unwrap()).collect() };
     let scenario = Scenario::parse("own", OWN, &parse(network)).unwrap();
     let latency_s = mean_latency(&scenario).unwrap();
     let wanted = Wanted { sets_latency: false, ..wanted(&scenario, 2.0, latency_s) };
