@@ -165,7 +165,7 @@ impl Arm {
     }
 
     /// Whether the loop is stable without latency, at the latency and at [`MARGIN`] times it, on the least
-    /// and the largest mass, with k at [`Self::trust`].
+    /// and the largest mass, with the k that an exponential reaches.
     pub fn stands(&self, kd: f64, remedy: Remedy, wanted: &Wanted) -> bool {
         [self.masses.least, self.masses.most].into_iter().all(|mass| {
             let far = self.linear(kd, mass, self.trust(wanted), remedy, wanted);

@@ -7,8 +7,8 @@
 
 pub mod limits;
 pub mod print;
-mod search;
-mod values;
+pub mod search;
+pub mod values;
 pub mod verify;
 
 use mtj_model::scenario::{Override, Scenario, duration};
