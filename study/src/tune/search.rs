@@ -39,6 +39,7 @@ const AS_GOOD: f64 = 1.05;
 /// Values to try.
 #[derive(Clone)]
 pub struct Candidate {
+    /// What is tried.
     pub values: Values,
     /// The largest K_d that theory allows the remedy, and what limits it.
     pub bound: Bound<String>,
