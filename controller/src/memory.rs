@@ -66,7 +66,13 @@ impl<const E: usize> Memory<E> {
     pub fn store(&mut self, time_ns: u64, echo: &[f64; E]) {
         self.is_first = false;
         if time_ns >= self.step_ends_ns {
-            self.step_ends_ns = (time_ns - time_ns % self.step_ns).saturating_add(self.step_ns);
+            // A division, which takes longer than all else here, only where steps were skipped.
+            let next_ns = self.step_ends_ns.saturating_add(self.step_ns);
+            self.step_ends_ns = if time_ns < next_ns {
+                next_ns
+            } else {
+                (time_ns - time_ns % self.step_ns).saturating_add(self.step_ns)
+            };
             self.latched = *echo;
         }
     }

@@ -99,7 +99,6 @@ impl<T: Scalar, A, const M: usize> Responder<T, A, M> {
         let now = Situation {
             arm: &self.arm,
             at,
-            jacobian: &self.arm.jacobian(at),
             desired: &desired,
             error: &error,
             acceleration: &acceleration,

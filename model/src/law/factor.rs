@@ -66,10 +66,8 @@ impl<T: Scalar, const M: usize> Remembered<T, M> {
         jacobian: &SMatrix<T, M, N>,
         signals: &mut Signals<T>,
     ) -> Command<T, N> {
-        for i in 0..M {
-            signals[i] = self.factor[i];
-            signals[M + i] = self.memory[i];
-        }
+        signals[..M].copy_from_slice(self.factor.as_slice());
+        signals[M..2 * M].copy_from_slice(self.memory.as_slice());
         Command::of_task_force(jacobian, &self.force)
     }
 }

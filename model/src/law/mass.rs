@@ -92,7 +92,7 @@ impl<T: Scalar, const M: usize> Mass<T, M> {
             Self::Unit => (*acceleration, T::zero()),
             Self::Constant(mass) => (mass.times(acceleration), T::zero()),
             Self::TaskInertia => {
-                let mobility = arm::mobility(&now.arm.inertia(now.at), now.jacobian);
+                let mobility = arm::mobility(&now.arm.inertia(now.at), &now.jacobian());
                 let inertia = matrix::positive_definite_inverse(&mobility);
                 // About the square of J's. Its root would hide a singular J: rounding alone keeps it below 1e9.
                 let condition = matrix::size(&mobility) * matrix::size(&inertia);

@@ -104,7 +104,7 @@ impl<T: Scalar, const M: usize> Equation<T, M> for ModelBased<T, M> {
     ) -> Command<T, N> {
         let (dynamics, condition) = task_dynamics(now);
         let force = self.task_force(now.error, &now.desired.acceleration, &dynamics);
-        Command { condition, ..Command::of_task_force(now.jacobian, &force) }
+        Command { condition, ..Command::of_task_force(&now.jacobian(), &force) }
     }
 }
 
@@ -117,11 +117,12 @@ fn task_dynamics<T: Scalar, A: Kinematics<T, N, M>, const N: usize, const M: usi
     let (mut jacobian, mut inertia) = (SMatrix::<T, M, M>::zeros(), SMatrix::<T, M, M>::zeros());
     let mut velocity_terms = SVector::<T, M>::zeros();
     if N == M {
+        let given = now.jacobian();
         let (all, terms) = (now.arm.inertia(now.at), now.arm.velocity_terms(now.at));
         for i in 0..M {
             velocity_terms[i] = terms[i];
             for j in 0..M {
-                jacobian[(i, j)] = now.jacobian[(i, j)];
+                jacobian[(i, j)] = given[(i, j)];
                 inertia[(i, j)] = all[(i, j)];
             }
         }

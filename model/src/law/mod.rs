@@ -46,8 +46,6 @@ pub struct Situation<'a, T: Scalar, A: Kinematics<T, N, M>, const N: usize, cons
     pub arm: &'a A,
     /// Its configuration, as measured.
     pub at: &'a A::Configuration,
-    /// J there.
-    pub jacobian: &'a SMatrix<T, M, N>,
     /// The desired motion at the instant that the law aims at.
     pub desired: &'a Motion<T, A::Point, M>,
     /// e and ė there.
@@ -56,6 +54,15 @@ pub struct Situation<'a, T: Scalar, A: Kinematics<T, N, M>, const N: usize, cons
     pub acceleration: &'a SVector<T, M>,
     /// The remembered echo; `None` at the first sample.
     pub memory: Option<&'a Echo<T>>,
+}
+
+impl<T: Scalar, A: Kinematics<T, N, M>, const N: usize, const M: usize> Situation<'_, T, A, N, M> {
+    /// J. Computed where a law needs it, which is after its task force: to have it before is to carry it
+    /// past all that comes between.
+    #[inline(always)]
+    pub fn jacobian(&self) -> SMatrix<T, M, N> {
+        self.arm.jacobian(self.at)
+    }
 }
 
 /// What a law answers.

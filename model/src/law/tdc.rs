@@ -94,7 +94,7 @@ impl<T: Scalar, const M: usize> Equation<T, M> for TimeDelay<T, M> {
         let (force, condition) = self.mass.times(&wanted, now);
         let memory = now.memory.map(recalled);
         let answer = self.factor.add_memory(force, now.error, memory.as_ref());
-        Command { condition, ..answer.command(now.jacobian, signals) }
+        Command { condition, ..answer.command(&now.jacobian(), signals) }
     }
 
     fn factor(&self) -> Option<&Factor<T, M>> {

@@ -90,6 +90,6 @@ impl<T: Scalar, const M: usize> Equation<T, M> for TransposeJacobian<T, M> {
         now: &Situation<'_, T, A, N, M>,
         _: &mut Signals<T>,
     ) -> Command<T, N> {
-        Command::of_task_force(now.jacobian, &self.task_force(now.error))
+        Command::of_task_force(&now.jacobian(), &self.task_force(now.error))
     }
 }
