@@ -7,7 +7,7 @@ use mtj_protocol::bus::BusError;
 use rand_distr::{Distribution, Gamma, Normal};
 use rand_pcg::Pcg64;
 
-use crate::{sensor::fraction, sequencer::nanoseconds};
+use crate::sensor::fraction;
 
 /// A link that delays and loses what it carries.
 ///
@@ -81,7 +81,7 @@ impl Link {
             },
         };
         Ok(Self {
-            latency_ns: nanoseconds(settings.latency),
+            latency_ns: settings.latency.as_nanos() as u64,
             delay,
             dropout: settings.dropout,
             is_bad: false,

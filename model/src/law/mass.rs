@@ -13,7 +13,7 @@ use crate::{
     lift, matrix,
     scalar::Scalar,
     scenario::{
-        ArmSettings,
+        arm::ArmSettings,
         section::{ScenarioError, Section},
     },
     task,
@@ -43,6 +43,16 @@ pub(super) const PARAMETER: Parameter = Parameter {
     unit: "kg",
     default: Default::Value("1.0"),
     help: "The mass that multiplies accelerations; \"task-inertia\" is that of the model.",
+};
+
+/// law.model.mass_scale, for laws that have a model.
+pub(super) const SCALE: Parameter = Parameter {
+    key: "law.model.mass_scale",
+    label: "model mass",
+    form: Form::Number,
+    unit: "",
+    default: Default::Value("1.0"),
+    help: "What the model's masses and inertias are multiplied with.",
 };
 
 impl Mass<f64, MAX_AXES> {

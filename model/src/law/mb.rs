@@ -5,6 +5,7 @@ use nalgebra::{SMatrix, SVector};
 use super::{
     Command, Declaration, Equation, Signals, Situation,
     describe::{Description, Parameter},
+    mass,
     tj::{FORCE, KD, KP},
 };
 use crate::{
@@ -14,7 +15,7 @@ use crate::{
     lift, matrix,
     scalar::Scalar,
     scenario::{
-        ArmSettings, MASS_SCALE,
+        arm::ArmSettings,
         section::{ScenarioError, Section},
     },
     task::{self, TrackingError},
@@ -51,7 +52,7 @@ impl Declaration for ModelBased<f64, MAX_AXES> {
         name: "mb",
         title: "computed torque",
         equation: "Q̂ = Ĥ (ẍ_d + K_d ė + K_p e) + Ĉ (4)",
-        parameters: &[KP_OF_ACCELERATION, KD_OF_ACCELERATION, MASS_SCALE],
+        parameters: &[KP_OF_ACCELERATION, KD_OF_ACCELERATION, mass::SCALE],
         echo: FORCE,
         has_memory: false,
         signals: &[],

@@ -27,7 +27,7 @@ use crate::{
     matrix::{self, padded},
     scalar::Scalar,
     scenario::{
-        ArmSettings,
+        arm::ArmSettings,
         section::{ScenarioError, Section},
     },
     task::{self, TrackingError},

@@ -16,7 +16,7 @@ use crate::{
     lift,
     scalar::Scalar,
     scenario::{
-        ArmSettings, MASS_SCALE,
+        arm::ArmSettings,
         section::{ScenarioError, Section},
     },
     task::{self, TrackingError},
@@ -56,7 +56,7 @@ impl Declaration for ModifiedTransposeJacobian<f64, MAX_AXES> {
                 help: "Adds the acceleration term of eq. (11), with which the memory stands latency.",
             },
             mass::PARAMETER,
-            MASS_SCALE,
+            mass::SCALE,
             factor::KIND,
             factor::ERROR,
             factor::ERROR_RATE,

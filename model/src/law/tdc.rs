@@ -16,7 +16,7 @@ use crate::{
     lift,
     scalar::Scalar,
     scenario::{
-        ArmSettings, MASS_SCALE,
+        arm::ArmSettings,
         section::{ScenarioError, Section},
     },
     task,
@@ -52,7 +52,7 @@ impl Declaration for TimeDelay<f64, MAX_AXES> {
             KP_OF_ACCELERATION,
             KD_OF_ACCELERATION,
             Parameter { default: Default::Required, ..mass::PARAMETER },
-            MASS_SCALE,
+            mass::SCALE,
             Parameter { default: Default::Value("\"constant\""), ..factor::KIND },
             factor::ERROR,
             factor::ERROR_RATE,

@@ -12,16 +12,6 @@ use crate::{
     task,
 };
 
-/// law.model.mass_scale, for laws that have a model.
-pub const MASS_SCALE: Parameter = Parameter {
-    key: "law.model.mass_scale",
-    label: "model mass",
-    form: Form::Number,
-    unit: "",
-    default: Default::Value("1.0"),
-    help: "What the model's masses and inertias are multiplied with.",
-};
-
 /// What the controller does.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LawSettings {

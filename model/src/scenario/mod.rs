@@ -3,7 +3,7 @@
 //! A scenario is a TOML text (see `DESIGN` in the README's scenario chapter for the keys). It is
 //! validated once, here; whoever holds a [`Scenario`] may trust every value in it.
 
-mod arm;
+pub(crate) mod arm;
 mod builtin;
 mod bus;
 pub mod duration;
@@ -22,7 +22,7 @@ use toml::{Table, Value};
 pub use arm::ArmSettings;
 pub use builtin::{BUILT_IN, built_in};
 pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, DEFAULT_SPIN, Wait, is_name};
-pub use law::{Horizon, LawSettings, MASS_SCALE, MEMORY, MemoryPolicy, MemorySettings, PREDICTION};
+pub use law::{Horizon, LawSettings, MEMORY, MemoryPolicy, MemorySettings, PREDICTION};
 pub use link::{Dropout, Jitter, LinkSettings, Links};
 pub use safety::{OnTimeout, Safety};
 pub use section::{Origin, ScenarioError, Section};

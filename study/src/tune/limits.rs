@@ -12,7 +12,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::{
     MARGIN, Wanted, trial,
-    values::{Remedy, Values},
+    values::{Remedy, THRESHOLDS, Values},
     verify,
 };
 use crate::{
@@ -268,7 +268,7 @@ impl Arm {
                 leak * values.error * 1e3
             ),
         };
-        let tried = super::search::THRESHOLDS.map(|multiple| multiple.to_string()).join(", ");
+        let tried = THRESHOLDS.map(|multiple| multiple.to_string()).join(", ");
         format!(
             "{leak}; k > {k:.2} as soon as the error decays; least rms error of e_max = {tried} x \
              the initial error (here {multiple:.1})"

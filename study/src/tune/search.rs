@@ -11,7 +11,7 @@ use super::{
     MARGIN, STARTS, Wanted,
     limits::{Arm, Bound},
     trials,
-    values::{Remedy, Values, remedies, round, round_down},
+    values::{Remedy, THRESHOLDS, Values, remedies, round, round_down},
     verify::{self, Verification},
 };
 use crate::{failure::Failure, sweep::lanes};
@@ -20,8 +20,6 @@ use crate::{failure::Failure, sweep::lanes};
 const LOWER: f64 = 0.85;
 /// How many values of K_d are tried for a remedy.
 const GAINS: usize = 8;
-/// e_max as multiples of the initial error; the first makes k nearly one.
-pub const THRESHOLDS: [f64; 4] = [1000.0, 30.0, 10.0, 3.0];
 /// How many of the best candidates from one start are simulated from all.
 const FINALISTS: usize = 48;
 /// How many of the best are varied, and how often.

@@ -4,6 +4,8 @@ use mtj_model::scenario::{MemoryPolicy, Override, Scenario};
 
 use super::Wanted;
 
+/// e_max as multiples of the initial error; the first makes k nearly one.
+pub const THRESHOLDS: [f64; 4] = [1000.0, 30.0, 10.0, 3.0];
 /// ė_max/e_max, 1/s: the paper's.
 const RATE_RATIO: f64 = 10.0;
 
