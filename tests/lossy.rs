@@ -29,7 +29,7 @@ struct Weather {
 
 const FINE: Weather = Weather { lost: 0.0, twice: 0.0, swapped: 0.0, damaged: 0.0 };
 
-/// Between a plant and whoever connects to it.
+/// Between a plant and the processes that connect to it.
 struct Relay {
     weather: Mutex<Weather>,
     chance: Mutex<u64>,

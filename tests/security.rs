@@ -86,7 +86,7 @@ impl Secured {
         connect(&self.endpoint, &Papers { authority: &self.path("pki/ca.pem"), own: Some(own) })
     }
 
-    /// Runs the loop while `intruder` does what he can; fails unless the arm moves as if he were not there.
+    /// Runs the loop while `intruder` does what it can; fails unless the arm moves as if it were not there.
     fn assert_unmoved_by(&self, intruder: Intruder, mut plant: Running) {
         let undisturbed = self.undisturbed();
         assert!(!plant.has_ended(), "{}", plant.stderr());
@@ -97,10 +97,10 @@ impl Secured {
         assert!(status.success(), "{}", plant.stderr());
         assert!(self.trace() == undisturbed, "the trajectory is another one; {heard:?}");
         let report: serde_json::Value = serde_json::from_str(&plant.stdout()).unwrap();
-        // Over a slow way the controller answers a first state twice that was repeated; he answers thousands.
+        // Over a slow way the controller answers a first state twice that was repeated; the intruder answers thousands.
         let rejected = report["commands"]["rejected"].as_u64().unwrap();
-        assert!(rejected < 20, "his torques have come as far as the gate: {rejected}");
-        assert!(heard.states > 1000 && heard.statuses > 0, "he may read: {heard:?}");
+        assert!(rejected < 20, "its torques have come as far as the gate: {rejected}");
+        assert!(heard.states > 1000 && heard.statuses > 0, "it may read: {heard:?}");
         let watched =
             eventually("a line", || Some(monitor.stdout()).filter(|said| !said.is_empty()));
         assert!(!watched.contains("changed: "), "{watched}");
@@ -326,7 +326,7 @@ fn nobody_listens_to_strangers_unless_told_to() {
             assert_refused(&secured, &arguments, &[file, endpoint, "--certs", "--insecure"]);
         }
     }
-    // Who says so is heard, and so is whoever comes.
+    // A process that says so is heard, and so is one that connects.
     let session = &secured.session.name;
     let mut plant = secured.start(&format!(
         "plant {RUN} --insecure --listen {open} --trace trace.csv --session {session}"

@@ -21,7 +21,7 @@ use mtj_protocol::{
 use nix::sys::signal::Signal;
 use session::{Running, Session, eventually, shared_memory_of};
 
-/// How soon whoever starts again must take part.
+/// How soon a process that starts again must take part.
 const SOON: Duration = Duration::from_secs(1);
 /// A process is in its start-up for about so long, ms.
 const STARTUP: u64 = 40;
@@ -173,7 +173,7 @@ impl<'a> Soak<'a> {
     }
 }
 
-/// What processes have in shared memory, by kind, once everybody has found whom he follows.
+/// What processes have in shared memory, by kind, once all processes have found whom they follow.
 fn shared(processes: &[u32]) -> BTreeMap<String, usize> {
     thread::sleep(Duration::from_millis(500));
     let mut kinds = BTreeMap::new();

@@ -12,7 +12,7 @@ use std::{
 use nix::sys::signal::Signal;
 use session::{Session, observer::Observer};
 
-/// How often each start is measured. The fastest is what mtj needs; the others also waited for whoever else
+/// How often each start is measured. The fastest is what mtj needs; the others also waited for whatever else
 /// was busy on this machine.
 const STARTS: usize = 5;
 

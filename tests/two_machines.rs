@@ -371,7 +371,7 @@ fn a_loop_goes_through_a_router_whoever_comes_back() {
     };
     let _controller = start(CONTROLLER, "controller");
     let monitor = start(CONTROLLER, "monitor");
-    // Whoever comes before the router waits for it.
+    // A role that starts before the router waits for it.
     let mut first = plant("--set duration=8s --trace trace.csv");
     thread::sleep(Duration::from_secs(1));
     let _router = Router::on(&network, ROUTER, &endpoint, &session.directory.join("certs"));

@@ -16,7 +16,7 @@ pub const AXES: usize = 2;
 /// A power of two, so that it costs nothing to start again.
 const STATES: usize = 64;
 
-/// One call of [`Controller::respond`] and one of [`Controller::foresee`] a step, over and over the same stretch of a
+/// One call of [`Controller::respond`] and one of [`Controller::preprocess`] a step, over and over the same stretch of a
 /// motion.
 pub fn measure(links: usize, law: Law, memory: &str, prediction: bool, meter: &mut impl Meter) {
     let mut controller = Controller::new(&scenario(links, law, memory, prediction));
@@ -28,7 +28,7 @@ pub fn measure(links: usize, law: Law, memory: &str, prediction: bool, meter: &m
         let state = black_box(&states[next % STATES]);
         let answer = controller.respond(state);
         black_box(&answer).as_ref().expect("an answer");
-        controller.foresee(state);
+        controller.preprocess(state);
         next += 1;
     });
 }

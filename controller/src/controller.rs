@@ -28,7 +28,7 @@ pub struct Controller {
     answer: Answer,
 }
 
-/// An answer, where it stays: it is lent to whoever sends it.
+/// The answer to the last state. It stays here and is lent to the port that sends it.
 #[derive(Clone, Copy, Debug)]
 struct Answer {
     torque: TorqueSample,
@@ -81,31 +81,31 @@ impl Controller {
         }
     }
 
-    /// Goes on under a scenario that was changed while it runs, for the same arm: with what it remembers, so
-    /// that a change of something else gives the arm no jerk.
-    pub fn adopt(&mut self, scenario: &Scenario) {
+    /// Continues under a changed scenario for the same arm. The memory stays, so that a change of something
+    /// else gives the arm no jerk.
+    pub fn reconfigure(&mut self, scenario: &Scenario) {
         self.law = law(scenario, Some(self.law.remembered()));
         self.answer.error = nothing_of(scenario);
     }
 
     /// τ = J_Cᵀ Q̂ for a measured state, with Q̂ from the law. The desired motion is evaluated at the
     /// sample's own time stamp (plus the prediction horizon), never at the time of arrival. Who answers and how
-    /// long that took is for whoever sends it to fill in.
+    /// long that took is for the port that sends it to fill in.
     pub fn respond(&mut self, state: &StateSample) -> Result<&mut TorqueSample, LawError> {
         self.law.respond(state, &mut self.answer)?;
         Ok(&mut self.answer.torque)
     }
 
-    /// Computes of the answer to the sample after `state` what does not depend on what will be measured: where the
-    /// tip should be. To be called when the answer to `state` is on its way; if it is not, or if the next sample is
-    /// of another instant than was to be expected, the answer is the same and takes a little longer.
-    pub fn foresee(&mut self, state: &StateSample) {
-        self.law.foresee(state);
+    /// Precomputes the part of the next answer that does not depend on the next measurement: the desired motion.
+    /// Call it when the answer to `state` is on its way. Without it, or if the next sample comes at another instant
+    /// than expected, the answer is the same and takes a little longer.
+    pub fn preprocess(&mut self, state: &StateSample) {
+        self.law.preprocess(state);
     }
 
-    /// Takes the place of another controller that answered `state` with `torque`, as if it had done so
-    /// itself; a memory step that is longer than a sample period it knows from its next beginning on.
-    pub fn take_over(
+    /// Continues from another controller that answered `state` with `torque`. A memory step that is longer
+    /// than a sample period is known from its next beginning on.
+    pub fn resume_from(
         &mut self,
         state: &StateSample,
         torque: &TorqueSample,
@@ -131,8 +131,8 @@ impl Controller {
 
 trait Respond {
     fn respond(&mut self, state: &StateSample, answer: &mut Answer) -> Result<(), LawError>;
-    /// Computes what is known of the answer to the next state.
-    fn foresee(&mut self, state: &StateSample);
+    /// Precomputes what does not depend on the next measurement.
+    fn preprocess(&mut self, state: &StateSample);
     /// Believes to have answered the last state so.
     fn remember(&mut self, torque: &TorqueSample);
     /// What is known from earlier samples.
@@ -182,8 +182,10 @@ impl<const N: usize, const M: usize> ArmController<N, M> {
                 (memory, Previous { time, velocity: SVector::from_fn(|i, _| velocity[i]) })
             }
         };
-        let memory = memory
-            .map_or_else(|| Memory::new(&settings.memory), |memory| memory.adopt(&settings.memory));
+        let memory = memory.map_or_else(
+            || Memory::new(&settings.memory),
+            |memory| memory.reconfigure(&settings.memory),
+        );
         Self {
             responder: Responder::of(scenario).lift::<f64, M>(),
             memory: description.has_memory.then_some(memory),
@@ -251,7 +253,7 @@ impl<const N: usize, const M: usize> Respond for ArmController<N, M> {
         Ok(())
     }
 
-    fn foresee(&mut self, state: &StateSample) {
+    fn preprocess(&mut self, state: &StateSample) {
         let next = seconds(state.header.time_ns.saturating_add(self.sample_period_ns));
         let horizon = prediction::horizon(self.horizon, state.latency_ns);
         let aim = horizon.map_or(next, |horizon| next + horizon);

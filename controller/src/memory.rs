@@ -39,10 +39,10 @@ impl<const E: usize> Memory<E> {
     }
 
     /// The same memory under other settings: what was remembered stays.
-    pub fn adopt(self, settings: &MemorySettings) -> Self {
-        let adopted = Self { policy: settings.policy, ..self };
+    pub fn reconfigure(self, settings: &MemorySettings) -> Self {
+        let changed = Self { policy: settings.policy, ..self };
         let step_ns = settings.step.as_nanos() as u64;
-        if step_ns == self.step_ns { adopted } else { Self { step_ns, step_ends_ns: 0, ..adopted } }
+        if step_ns == self.step_ns { changed } else { Self { step_ns, step_ends_ns: 0, ..changed } }
     }
 
     /// The remembered echo at a sample, from what the plant has `applied` and `delivered`; `None` at the

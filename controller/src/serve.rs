@@ -96,7 +96,7 @@ fn serve_run(
             Some(Heard::State) => {
                 let received = Instant::now();
                 if let Some(changed) = port.newer_scenario(bus)? {
-                    controller.adopt(&changed.scenario);
+                    controller.reconfigure(&changed.scenario);
                 }
                 let torque = controller.respond(port.state())?;
                 if port.is_in_charge() {
@@ -104,7 +104,7 @@ fn serve_run(
                     port.send(torque)?;
                     port.publish(controller.error())?;
                 }
-                controller.foresee(port.state());
+                controller.preprocess(port.state());
                 port.tell()?;
             }
         }

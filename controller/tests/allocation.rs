@@ -1,4 +1,4 @@
-//! A loop that allocates waits for whoever else does: no law may, once it was made.
+//! A loop that allocates waits for other threads that do: no law may allocate once it was made.
 
 #![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
 
@@ -107,7 +107,7 @@ fn assert_free(links: usize, law: &[&str]) {
         for state in &states {
             controller.respond(state).unwrap();
             controller.answer_again(state);
-            controller.foresee(state);
+            controller.preprocess(state);
         }
     });
     assert_eq!(found, 0, "{links} links, {law:?}");

@@ -67,19 +67,19 @@ fn an_answer_says_what_it_answers() {
 }
 
 #[test]
-fn what_was_foreseen_changes_no_answer() {
+fn preprocessing_changes_no_answer() {
     for set in ["none", "3ms", "measured"] {
         let set = format!("law.prediction.horizon={set}");
-        let (mut foreseeing, mut other) = (controller(&[&set]), controller(&[&set]));
+        let (mut preprocessing, mut other) = (controller(&[&set]), controller(&[&set]));
         // The next sample is mostly of the instant that was to be expected, and sometimes of another.
         for (k, late) in
             [0, 10, 20, 30, 41, 51, 61, 71, 71, 90].into_iter().zip([3, 3, 0, 5].repeat(3))
         {
             let state = StateSample { latency_ns: late * 1_000_000, ..swinging(k) };
-            let answer = *foreseeing.respond(&state).unwrap();
+            let answer = *preprocessing.respond(&state).unwrap();
             assert_eq!(answer, *other.respond(&state).unwrap(), "{set}, {k} ms");
-            assert_eq!(foreseeing.error(), other.error(), "{set}, {k} ms");
-            foreseeing.foresee(&state);
+            assert_eq!(preprocessing.error(), other.error(), "{set}, {k} ms");
+            preprocessing.preprocess(&state);
         }
     }
 }

@@ -190,7 +190,7 @@ fn a_change_of_scenario_keeps_what_is_remembered() {
         for k in 0..20 {
             let state = echoing(10 * k);
             if k % 3 == 2 {
-                changing.adopt(&scenario);
+                changing.reconfigure(&scenario);
             }
             assert_eq!(changing.respond(&state), steady.respond(&state), "{sets:?}, sample {k}");
         }
@@ -202,7 +202,7 @@ fn a_law_without_memory_leaves_none_to_the_next() {
     let mut controller = trusting(&["law.kind=tj"]);
     let mtj = by_hand::scenario("sampled/mtj", &TRUSTING);
     controller.respond(&echoing(0)).unwrap();
-    controller.adopt(&mtj);
+    controller.reconfigure(&mtj);
     controller.respond(&echoing(10)).unwrap();
     assert_eq!(
         controller.error().signal("memory").unwrap(),

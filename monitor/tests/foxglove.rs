@@ -103,8 +103,8 @@ fn foxglove_sees_every_topic_and_its_messages() {
         .enumerate()
         .map(|(id, topic)| json!({"id": id, "channelId": channels[*topic]["id"]}))
         .collect();
-    let wish = json!({"op": "subscribe", "subscriptions": subscriptions});
-    client.send(Frame::text(wish.to_string())).unwrap();
+    let request = json!({"op": "subscribe", "subscriptions": subscriptions});
+    client.send(Frame::text(request.to_string())).unwrap();
 
     // The scenario has been told long ago, and is told again to who comes late.
     until(&mut client, &mut server, |frame| {

@@ -74,7 +74,7 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
     }
 
     /// Takes on limits, reaction to a timeout and memory step of a scenario that was changed.
-    pub fn adopt(&mut self, scenario: &Scenario) {
+    pub fn reconfigure(&mut self, scenario: &Scenario) {
         self.limit = limits(scenario);
         self.on_timeout = scenario.safety.on_timeout;
         // Here, between two samples, rather than in the loop.

@@ -107,7 +107,7 @@ impl<const N: usize, const E: usize> Sequencer<N, E> {
         if let Some(link) = torque_link {
             self.torque_link = link;
         }
-        self.actuator.adopt(scenario);
+        self.actuator.reconfigure(scenario);
         self.period_ns = nanoseconds(scenario.timing.sample_period);
         self.memory_step_ns = nanoseconds(scenario.law.memory.step);
         self.timeout_ns = scenario.safety.command_timeout.map(nanoseconds);

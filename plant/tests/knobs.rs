@@ -1,4 +1,4 @@
-//! A run that is changed while it runs, through an exchange that wishes for it.
+//! A run that is changed while it runs, through an exchange that requests it.
 
 #![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
 
@@ -18,10 +18,10 @@ use mtj_protocol::{
 
 const RUN: u64 = 7;
 
-/// Wishes for something as soon as so many states have been sent.
+/// Requests something as soon as so many states have been sent.
 struct Wishing<E> {
     inner: E,
-    wishes: Vec<(u64, RequestSample)>,
+    requests: Vec<(u64, RequestSample)>,
     states: Vec<StateSample>,
     changes: Vec<ChangeSample>,
     phases: Vec<u64>,
@@ -48,8 +48,8 @@ impl<E: Exchange> Exchange for Wishing<E> {
     }
     fn request(&mut self) -> Result<Option<RequestSample>, BusError> {
         let is_due =
-            self.wishes.first().is_some_and(|(after, _)| self.states.len() as u64 > *after);
-        Ok(is_due.then(|| self.wishes.remove(0).1))
+            self.requests.first().is_some_and(|(after, _)| self.states.len() as u64 > *after);
+        Ok(is_due.then(|| self.requests.remove(0).1))
     }
     fn announce(&mut self, change: &ChangeSample) -> Result<(), BusError> {
         self.changes.push(*change);
@@ -71,7 +71,7 @@ struct Ran {
 
 fn run(
     sets: &[&str],
-    wishes: &[(u64, RequestSample)],
+    requests: &[(u64, RequestSample)],
     respond: impl Fn(&StateSample) -> TorqueSample,
 ) -> Ran {
     let fixed = ["timing.clock=lockstep", "bus.kind=local", "duration=1s"];
@@ -79,7 +79,7 @@ fn run(
     let scenario = Scenario::parse("here", built_in("sampled/mtj").unwrap(), &sets).unwrap();
     let mut exchange = Wishing {
         inner: Direct::new(RUN, |state: &StateSample| Ok::<_, Infallible>(respond(state))),
-        wishes: wishes.to_vec(),
+        requests: requests.to_vec(),
         states: Vec::new(),
         changes: Vec::new(),
         phases: Vec::new(),
@@ -91,12 +91,12 @@ fn run(
     Ran { outcome, states, changes, phases, offered }
 }
 
-fn wish(number: u64, knob: Knob) -> RequestSample {
+fn request(number: u64, knob: Knob) -> RequestSample {
     knob.request(RUN, number)
 }
 
 fn set(number: u64, sets: &[&str]) -> RequestSample {
-    wish(number, Knob::Set(sets.iter().map(|set| (*set).to_owned()).collect()))
+    request(number, Knob::Set(sets.iter().map(|set| (*set).to_owned()).collect()))
 }
 
 fn limp(state: &StateSample) -> TorqueSample {
@@ -121,7 +121,7 @@ fn a_kick_gives_the_arm_its_angular_momentum() {
         m11 * v[0] + m12 * v[1]
     };
     let kick = Knob::Kick { torque: vec![5.0, 0.7], milliseconds: 104.5 };
-    let ran = run(&["arm.velocity=[0.0, 0.0]"], &[(20, wish(1, kick))], limp);
+    let ran = run(&["arm.velocity=[0.0, 0.0]"], &[(20, request(1, kick))], limp);
     let begin = ran.changes[0].header.time_ns as f64 * 1e-9;
     assert!(begin > 0.1 && begin < 0.3, "{begin}");
     for row in &ran.outcome.trace {
@@ -135,23 +135,26 @@ fn a_kick_gives_the_arm_its_angular_momentum() {
 #[test]
 fn a_pause_takes_nothing_from_the_run() {
     let through = run(&[], &[], stiff);
-    let wishes =
-        [(20, wish(1, Knob::Pause)), (20, set(2, &["law.kp=31"])), (20, wish(3, Knob::Resume))];
-    let paused = run(&[], &wishes, stiff);
+    let requests = [
+        (20, request(1, Knob::Pause)),
+        (20, set(2, &["law.kp=31"])),
+        (20, request(3, Knob::Resume)),
+    ];
+    let paused = run(&[], &requests, stiff);
     assert_eq!(paused.outcome.trace, through.outcome.trace, "bit for bit");
     assert_eq!(paused.changes.len(), 3);
     assert!(paused.changes.iter().all(|change| change.outcome() == Ok(())));
     assert_eq!(paused.outcome.report.commands, through.outcome.report.commands);
-    let again = run(&[], &[(20, wish(1, Knob::Resume))], stiff);
+    let again = run(&[], &[(20, request(1, Knob::Resume))], stiff);
     assert_eq!(again.outcome.trace, through.outcome.trace, "nothing to resume");
 }
 
 #[test]
 fn monitors_are_told_that_a_run_stands_still() {
-    let mut wishes = vec![(20, wish(1, Knob::Pause))];
-    wishes.extend((2..20).map(|number| (20, set(number, &["law.kp=31"]))));
-    wishes.push((20, wish(20, Knob::Resume)));
-    let ran = run(&[], &wishes, stiff);
+    let mut requests = vec![(20, request(1, Knob::Pause))];
+    requests.extend((2..20).map(|number| (20, set(number, &["law.kp=31"]))));
+    requests.push((20, request(20, Knob::Resume)));
+    let ran = run(&[], &requests, stiff);
     let mut phases = ran.phases.clone();
     phases.dedup();
     assert_eq!(phases, [1, 3, 1, 2]);
@@ -159,8 +162,8 @@ fn monitors_are_told_that_a_run_stands_still() {
 
 #[test]
 fn a_reset_ends_the_run_with_the_scenario_as_it_is_by_now() {
-    let wishes = [(10, set(1, &["law.memory.policy=delivered"])), (20, wish(2, Knob::Reset))];
-    let ran = run(&[], &wishes, stiff);
+    let requests = [(10, set(1, &["law.memory.policy=delivered"])), (20, request(2, Knob::Reset))];
+    let ran = run(&[], &requests, stiff);
     let reset = ran.outcome.reset.expect("a scenario to begin again with");
     assert_eq!(reset.law.memory.policy, MemoryPolicy::Delivered);
     assert!(ran.outcome.trace.len() < 30);
@@ -170,9 +173,9 @@ fn a_reset_ends_the_run_with_the_scenario_as_it_is_by_now() {
 
 #[test]
 fn a_change_is_in_effect_from_the_sample_it_names_and_offered_before() {
-    let wishes =
+    let requests =
         [(30, set(1, &["link.torque.latency=4ms"])), (60, set(2, &["timing.sample_period=5ms"]))];
-    let ran = run(&[], &wishes, stiff);
+    let ran = run(&[], &requests, stiff);
     let [first, second] = &ran.changes[..] else { panic!("two changes") };
     for state in &ran.states {
         let number = state.header.sequence;
@@ -194,15 +197,15 @@ fn a_change_is_in_effect_from_the_sample_it_names_and_offered_before() {
 #[test]
 fn what_cannot_be_is_refused_and_changes_nothing() {
     let through = run(&[], &[], stiff);
-    let wishes = [
+    let requests = [
         (10, set(1, &["law.kp=-1"])),
         (11, set(2, &["arm.links[0].mass=1.0"])),
         (12, set(3, &["link.state.jitter={kind='replay', file='/nowhere'}"])),
-        (13, RequestSample { action: 9, ..wish(4, Knob::Pause) }),
-        (14, RequestSample { duration_ns: 0, action: 4, ..wish(5, Knob::Pause) }),
+        (13, RequestSample { action: 9, ..request(4, Knob::Pause) }),
+        (14, RequestSample { duration_ns: 0, action: 4, ..request(5, Knob::Pause) }),
         (15, RequestSample { text: [[0xff; 32]; 12], ..set(6, &["law.kp=1"]) }),
     ];
-    let ran = run(&[], &wishes, stiff);
+    let ran = run(&[], &requests, stiff);
     assert_eq!(ran.outcome.trace, through.outcome.trace);
     for (change, words) in ran.changes.iter().zip([
         "law.kp = -1",
@@ -215,13 +218,13 @@ fn what_cannot_be_is_refused_and_changes_nothing() {
         let reason = change.outcome().unwrap_err();
         assert!(reason.contains(words), "{reason}");
     }
-    assert_eq!(ran.changes.len(), wishes.len());
+    assert_eq!(ran.changes.len(), requests.len());
     assert!(ran.states.iter().all(|state| state.header.revision == 0) && ran.offered.is_empty());
 }
 
 #[test]
 fn whoever_asks_twice_is_answered_twice_and_gets_it_once() {
-    let kick = wish(1, Knob::Kick { torque: vec![5.0], milliseconds: 50.0 });
+    let kick = request(1, Knob::Kick { torque: vec![5.0], milliseconds: 50.0 });
     let once = run(&[], &[(20, kick)], stiff);
     let twice = run(&[], &[(20, kick), (24, kick), (30, kick)], stiff);
     assert_eq!(twice.outcome.trace, once.outcome.trace);

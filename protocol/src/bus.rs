@@ -1,7 +1,7 @@
 //! The bus: the trait that every transport is.
 //!
-//! A bus moves samples of a topic from writers to readers, and a scenario from a plant to whoever
-//! asks. It knows nothing of control: which topics a role may write is decided in [`crate::port`],
+//! A bus moves samples of a topic from writers to readers, and a scenario from a plant to any process
+//! that asks. It knows nothing of control: which topics a role may write is decided in [`crate::port`],
 //! and what is acceptable in [`crate::gate`].
 
 use std::{any::Any, collections::BTreeSet, fmt, time::Instant};
@@ -139,7 +139,7 @@ pub fn receive<S>(
         }
         let now = Instant::now();
         if now >= until {
-            // Whoever spins may not have looked everywhere.
+            // A reader that spins may not have looked everywhere.
             return reader.advance();
         }
         match wait {

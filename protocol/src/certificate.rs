@@ -1,7 +1,7 @@
 //! What a certificate says of itself (X.509, in PEM): from when until when it holds, for which key.
 //!
 //! Whether it is to be believed is for TLS to find out. This is enough to tell a user, before a role
-//! is started with it, what he would otherwise have to read out of a connection that never comes up.
+//! is started with it, what they would otherwise have to read out of a connection that never comes up.
 
 use std::{
     fmt, fs, io,

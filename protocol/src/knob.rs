@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::sample::{ChangeSample, Header, Joints, RequestSample, VERSION, padded, text, text_of};
 
-/// A wish to change the running loop.
+/// A request to change the running loop.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Knob {

@@ -37,7 +37,7 @@ pub struct BusOptions {
     /// Whose certificate to show, if not the role's own: a monitor that is operator may turn knobs
     #[arg(long, value_name = "NAME")]
     pub identity: Option<String>,
-    /// Zenoh: listen beyond this machine without certificates; whoever gets there can move the arm
+    /// Zenoh: listen beyond this machine without certificates; anybody who gets there can move the arm
     #[arg(long)]
     pub insecure: bool,
 }

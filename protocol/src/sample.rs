@@ -220,7 +220,7 @@ sample! {
         round_trip_ns: u64,
         /// The part of `round_trip_ns` spent inside the controller.
         residence_ns: u64,
-        /// The number of the controller that is in charge; 0 if none is, and whoever answers takes charge.
+        /// The number of the controller that is in charge; 0 if none is, and the first to answer takes charge.
         leader: u64,
         /// 1 while commands have stayed away for longer than the command timeout: nothing that was before
         /// counts any more, and k is zero.
@@ -308,7 +308,7 @@ sample! {
 }
 
 sample! {
-    /// Anybody to plant: a wish to turn one of the running loop's knobs.
+    /// Anybody to plant: a request to change the running loop.
     RequestSample {
         /// The run that is meant; `sequence` is a number of the asker's choice that names the request.
         header: Header,

@@ -86,7 +86,7 @@ fn wishes_come_back_and_torques_do_not() {
     let mut bridge = Bridge::open(&near, &far, true).unwrap();
     say();
     bridge.carry().unwrap();
-    assert_eq!(requests.take(), Ok(None), "nor wishes anything of it, if that is not allowed");
+    assert_eq!(requests.take(), Ok(None), "nor requests anything of it, if that is not allowed");
 }
 
 #[test]

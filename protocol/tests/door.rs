@@ -46,7 +46,7 @@ fn a_loop_hears_a_new_writer_though_somebody_holds_the_door() {
     let user = fs::metadata("/proc/self").unwrap().uid();
     let door = File::open(format!("/dev/shm/mtj_{user}/door")).unwrap();
     door.lock().unwrap();
-    // Whoever waited would fail after five seconds.
+    // A reader that waited would fail after five seconds.
     reader.follow().unwrap();
     assert!(!reader.follows());
     writer.expedite(&state(2)).unwrap();

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use mtj_controller::options::ControllerOptions;
 use mtj_monitor::options::MonitorOptions;
 use mtj_plant::options::PlantOptions;
@@ -10,6 +10,7 @@ use mtj_study::command::{
     bench::Bench,
     bridge::BridgeCommand,
     certs::Certs,
+    completions::Completions,
     export::Export,
     knob::{Kick, Pause, Reset, Resume, Set},
     latency::{Echo, Latency},
@@ -55,6 +56,7 @@ enum Command {
     Echo(Echo),
     Certs(Certs),
     Bench(Bench),
+    Completions(Completions),
 }
 
 fn main() -> ExitCode {
@@ -96,5 +98,9 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Echo(echo) => echo.run(),
         Command::Certs(certs) => certs.run(),
         Command::Bench(bench) => bench.run(),
+        Command::Completions(completions) => {
+            completions.run(Program::command());
+            Ok(())
+        }
     }
 }

@@ -31,7 +31,7 @@ impl Forger {
     pub fn hear(&mut self, topic: &str, bytes: &[u8]) {
         self.heard.insert(topic.to_owned(), bytes.to_vec());
         if topic == "state" {
-            // A torque that answers this state, and a wish to pause.
+            // A torque that answers this state, and a request to pause.
             if let Some(torque) = self.heard.get_mut("torque") {
                 torque[..HEADER + 8].copy_from_slice(&bytes[..HEADER + 8]);
             }
@@ -42,7 +42,7 @@ impl Forger {
         }
     }
 
-    /// Whether the loop has begun: until then, whoever answers takes charge.
+    /// Whether the loop has begun: until then, the first to answer takes charge.
     pub fn knows_the_loop(&self) -> bool {
         self.heard.contains_key("torque") && self.heard.contains_key("state")
     }

@@ -1,5 +1,5 @@
 //! An intruder: somebody on a plant's network who speaks its protocol as well as a controller does, shows
-//! whatever certificate he has got hold of, and says all that he is not asked.
+//! whatever certificate it has got hold of, and says all that it is not asked.
 
 #![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
 
@@ -22,7 +22,7 @@ use mtj_protocol::{
 };
 use zenoh::{Config, Session, Wait, handlers::RingChannel};
 
-/// What somebody proves himself with: the authority he trusts, and his certificate and its key.
+/// What a process proves itself with: the authority it trusts, its certificate and the key.
 pub struct Papers<'a> {
     pub authority: &'a Path,
     pub own: Option<(&'a Path, &'a Path)>,
@@ -61,13 +61,13 @@ pub struct Heard {
 pub enum Say {
     /// A torque for every state, well formed.
     Torque,
-    /// Wishes to kick the arm, and to loosen its gains.
+    /// Requests to kick the arm, and to loosen its gains.
     Request,
     /// States that are not so, and the statuses to them.
     State,
-    /// That he is a plant, and a controller that goes before all others.
+    /// That it is a plant, and a controller that goes before all others.
     Presence,
-    /// A scenario of his own to whoever asks for one.
+    /// A scenario of its own to anybody that asks for one.
     Scenario,
     /// Everything at once, under keys that stand for many, and that all of it is gone.
     Everything,
@@ -96,7 +96,7 @@ impl Intruder {
 
 fn work(bus: &Session, prefix: &str, says: &[Say], stop: &AtomicBool) -> Heard {
     let key = |topic: &str| format!("{prefix}/{topic}");
-    // What he has no time for is dropped: a channel that fills up would hold Zenoh's own thread.
+    // What it has no time for is dropped: a channel that fills up would hold Zenoh's own thread.
     let hear =
         |topic| bus.declare_subscriber(key(topic)).with(RingChannel::new(4096)).wait().unwrap();
     let (states, statuses) = (hear("state"), hear("status"));

@@ -100,8 +100,8 @@ fn recalled<T: Scalar, const M: usize>(echo: &Echo<T>) -> SVector<T, M> {
 
 /// The equation of a law for a task with `M` axes.
 pub trait Equation<T: Scalar, const M: usize>: Copy {
-    /// The law's answer to a situation. Its signals go where they are shown, so that whoever does not
-    /// look at them need not carry them about.
+    /// The law's answer to a situation. Its signals go where they are shown, so that a
+    /// caller without a display does not carry them about.
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
         now: &Situation<'_, T, A, N, M>,

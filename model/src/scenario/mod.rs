@@ -1,7 +1,7 @@
 //! One experiment as data.
 //!
 //! A scenario is a TOML text (see `DESIGN` in the README's scenario chapter for the keys). It is
-//! validated once, here; whoever holds a [`Scenario`] may trust every value in it.
+//! validated once, here; every value of a [`Scenario`] can be trusted.
 
 pub(crate) mod arm;
 mod builtin;

@@ -34,7 +34,7 @@ pub enum Key {
 
 /// The terminal that is drawn on, to read from.
 ///
-/// Standard input where that is a terminal; it may be the leash of whoever started this process. Keys
+/// Standard input where that is a terminal; it may be the leash of the process that started this one. Keys
 /// are told apart here, because crossterm's reader never comes back from a terminal that was closed.
 pub enum Keyboard {
     /// Standard input.

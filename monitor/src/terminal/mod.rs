@@ -7,16 +7,16 @@
 //! track      a number over time, thinned without losing a peak
 //! screen     the terminal, taken over and given back
 //! keyboard   the keys
-//! asides     what is said on standard error meanwhile
+//! stderr_capture  what is said on standard error meanwhile
 //! palette    the colours
 //! ```
 
-mod asides;
 mod dashboard;
 mod keyboard;
 mod palette;
 mod panel;
 mod screen;
+mod stderr_capture;
 mod track;
 mod view;
 

@@ -20,7 +20,7 @@ pub enum Ink {
     /// The desired path and point.
     Desired,
     /// The law's gauge, and all that is well.
-    Well,
+    Ok,
     /// Torques and forces.
     Force,
     /// A knob that was turned.
@@ -75,7 +75,7 @@ impl Palette {
             Ink::Strong => Color::Reset,
             Ink::Tip => Color::Indexed(32),
             Ink::Desired => Color::Indexed(130),
-            Ink::Well => Color::Indexed(29),
+            Ink::Ok => Color::Indexed(29),
             Ink::Force => Color::Indexed(134),
             Ink::Mark => Color::Indexed(168),
             Ink::Bad | Ink::Alarm => Color::Indexed(160),
@@ -113,8 +113,7 @@ mod tests {
     #[test]
     fn every_colour_is_legible_on_dark_and_on_light() {
         let palette = Palette::new(true);
-        for ink in [Ink::Faint, Ink::Tip, Ink::Desired, Ink::Well, Ink::Force, Ink::Mark, Ink::Bad]
-        {
+        for ink in [Ink::Faint, Ink::Tip, Ink::Desired, Ink::Ok, Ink::Force, Ink::Mark, Ink::Bad] {
             let Color::Indexed(index) = palette.color(ink) else {
                 panic!("{ink:?} follows the theme")
             };

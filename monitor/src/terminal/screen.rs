@@ -31,8 +31,8 @@ use rustix::{
 };
 
 use super::{
-    asides::{Asides, Said},
     keyboard::Keyboard,
+    stderr_capture::{Said, StderrCapture},
 };
 
 /// How often everything is drawn anew, in case another process has written to the terminal.
@@ -56,7 +56,7 @@ pub struct Screen {
 struct Taken {
     settings: Termios,
     terminal: Keyboard,
-    asides: Option<Asides>,
+    stderr_capture: Option<StderrCapture>,
 }
 
 /// The terminal, while it is taken over: there is one, and a panic on any thread must find it.
@@ -74,12 +74,12 @@ impl Screen {
         let terminal = Keyboard::open()?;
         let settings = termios::tcgetattr(&terminal)?;
         give_back_on_panic();
-        let asides = stderr().is_terminal().then(Asides::catch).transpose()?;
-        let said = asides.as_ref().map(Asides::said).unwrap_or_default();
+        let stderr_capture = stderr().is_terminal().then(StderrCapture::catch).transpose()?;
+        let said = stderr_capture.as_ref().map(StderrCapture::said).unwrap_or_default();
         *lock(&CLOSED) = false;
         let mut raw = settings.clone();
         raw.make_raw();
-        *lock(&TAKEN) = Some(Taken { settings, terminal: Keyboard::open()?, asides });
+        *lock(&TAKEN) = Some(Taken { settings, terminal: Keyboard::open()?, stderr_capture });
         let (frames, arriving) = mpsc::sync_channel::<Vec<u8>>(1);
         let screen =
             Self { keyboard: terminal, frames, said, shown: None, repaint: Instant::now() };
@@ -170,9 +170,9 @@ fn give_back_on_panic() {
     });
 }
 
-/// Gives the terminal back, once, whoever asks first.
+/// Gives the terminal back, at the first call only.
 fn give_back() {
-    let Some(Taken { settings, terminal, asides }) = lock(&TAKEN).take() else { return };
+    let Some(Taken { settings, terminal, stderr_capture }) = lock(&TAKEN).take() else { return };
     // A terminal that takes nothing in cannot be told to leave the screen either.
     if frames_have_stopped() {
         let mut out = stdout();
@@ -180,8 +180,8 @@ fn give_back() {
         let _ = out.flush();
     }
     let _ = termios::tcsetattr(&terminal, OptionalActions::Now, &settings);
-    if let Some(asides) = asides {
-        asides.release();
+    if let Some(stderr_capture) = stderr_capture {
+        stderr_capture.release();
     }
 }
 

@@ -1,8 +1,8 @@
 //! What all dashboards look at: filled by the monitor's loop, read by the server.
 //!
 //! Twenty times a second the server lets the board *publish* what has settled since the last time.
-//! Whoever looks at the board has a [`Cursor`] that says how much of it he knows, and gets the
-//! [`News`] since then: the step just published, ten minutes of history, or what he missed.
+//! A client has a [`Cursor`] that says how much of the board it knows, and gets the [`News`] since then:
+//! the step just published, ten minutes of history, or what it missed.
 
 use std::{collections::VecDeque, sync::Arc};
 

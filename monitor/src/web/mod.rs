@@ -186,7 +186,7 @@ impl Reception {
         eprintln!("mtj monitor: dashboard at {url}");
         if !local.ip().is_loopback() {
             eprintln!(
-                "mtj monitor: whoever reaches {local} over the network can watch; knobs take the token"
+                "mtj monitor: anybody who reaches {local} over the network can watch; knobs take the token"
             );
         }
         if open {

@@ -4,7 +4,7 @@
 //! segments beside it whose names begin with `mtj_<uid>_`. iceoryx2 clears away after the dead, but not
 //! after all of them: not after one that died while it was making or clearing away something. So
 //! everything in the domain is made and taken down behind its *door*, a file lock that the kernel opens
-//! if the holder dies. Whoever is inside knows that what is half done there was left by the dead.
+//! if the holder dies. The process inside knows that what is half done there was left by crashed processes.
 
 use std::{
     fs::{self, DirBuilder, DirEntry, File, OpenOptions, Permissions, TryLockError},
@@ -22,15 +22,15 @@ use iceoryx2::prelude::{
     Config, FileName, Node, NodeBuilder, SemanticString as _, SignalHandlingMode, ipc,
 };
 
-use super::{refusal::Refusal, scarcity};
+use super::{error::Refusal, resources};
 use crate::bus::BusError;
 
 /// Where segments of shared memory are files.
 pub const SEGMENTS: &str = "/dev/shm";
 /// How long to wait at the door. Nobody stays inside for more than some milliseconds.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// How often to knock.
-const KNOCK: Duration = Duration::from_millis(1);
+/// How often to try the lock.
+const RETRY: Duration = Duration::from_millis(1);
 /// How long somebody who was killed may take to be gone.
 const DYING: Duration = Duration::from_secs(1);
 
@@ -56,7 +56,7 @@ impl Drop for Inside<'_> {
 impl Domain {
     /// The domain of this process' user.
     pub fn open() -> Result<Arc<Self>, BusError> {
-        let user = fs::metadata("/proc/self").map_err(scarcity::failure("/proc"))?.uid();
+        let user = fs::metadata("/proc/self").map_err(resources::failure("/proc"))?.uid();
         let name = format!("mtj_{user}");
         let root = Path::new(SEGMENTS).join(&name);
         claim(&root, user)?;
@@ -67,14 +67,14 @@ impl Domain {
             .truncate(false)
             .mode(0o600)
             .open(root.join("door"))
-            .map_err(|error| scarcity::io(&root, &error))?;
+            .map_err(|error| resources::io(&root, &error))?;
         let prefix = name + "_";
         // Nothing of a configuration file for iceoryx2: the domain must be the same for everybody.
         let mut config = Config::default();
         let path = iceoryx2::prelude::Path::new(root.as_os_str().as_encoded_bytes());
-        config.global.set_root_path(&path.map_err(scarcity::failure("the domain's directory"))?);
+        config.global.set_root_path(&path.map_err(resources::failure("the domain's directory"))?);
         config.global.prefix =
-            FileName::new(prefix.as_bytes()).map_err(scarcity::failure("the domain's name"))?;
+            FileName::new(prefix.as_bytes()).map_err(resources::failure("the domain's name"))?;
         // We do that ourselves, at the door.
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
@@ -85,7 +85,7 @@ impl Domain {
     /// A place for things that are known by their names, not by iceoryx2.
     pub fn directory(&self, name: &str) -> Result<PathBuf, BusError> {
         let directory = self.root.join(name);
-        fs::create_dir_all(&directory).map_err(|error| scarcity::io(&self.root, &error))?;
+        fs::create_dir_all(&directory).map_err(|error| resources::io(&self.root, &error))?;
         Ok(directory)
     }
 
@@ -100,7 +100,7 @@ impl Domain {
                     let _ = self.door.write_all_at(name.as_bytes(), 0);
                     return Ok(Inside(self));
                 }
-                Err(TryLockError::WouldBlock) if Instant::now() < end => thread::sleep(KNOCK),
+                Err(TryLockError::WouldBlock) if Instant::now() < end => thread::sleep(RETRY),
                 Err(TryLockError::WouldBlock) => {
                     let holder = fs::read_to_string(self.root.join("door")).unwrap_or_default();
                     return Err(BusError::Transport(format!(
@@ -111,7 +111,7 @@ impl Domain {
                         PATIENCE.as_secs()
                     )));
                 }
-                Err(TryLockError::Error(error)) => return Err(scarcity::io(&self.root, &error)),
+                Err(TryLockError::Error(error)) => return Err(resources::io(&self.root, &error)),
             }
         }
     }
@@ -120,19 +120,19 @@ impl Domain {
     pub fn settle(self: &Arc<Self>) -> Result<Indoors<Node<ipc::Service>>, BusError> {
         let inside = self.enter()?;
         self.sweep(&inside);
-        scarcity::check(&self.root)?;
+        resources::check(&self.root)?;
         let node = NodeBuilder::new()
             .config(&self.config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create()
-            .map_err(|error| scarcity::explain(&self.root, "a node", &error))?;
+            .map_err(|error| resources::explain(&self.root, "a node", &error))?;
         self.close_to_others();
         drop(inside);
         Ok(self.keep(node))
     }
 
     /// Makes something inside. Where that fails because of somebody who has just died, or was dying when
-    /// we looked, it is tried again after clearing away what he left.
+    /// we looked, it is tried again after clearing away what that process left.
     pub fn make<T>(
         self: &Arc<Self>,
         mut attempt: impl FnMut() -> Result<T, Refusal>,
@@ -147,7 +147,7 @@ impl Domain {
                 Err(Refusal::Perhaps(_)) => self.sweep(&inside),
             }
             drop(inside);
-            thread::sleep(10 * KNOCK);
+            thread::sleep(10 * RETRY);
         }
     }
 
@@ -207,9 +207,9 @@ impl Domain {
 }
 
 /// Sweeps when it is dropped: the last thing that somebody does who leaves.
-pub struct Broom(pub Arc<Domain>);
+pub struct Cleanup(pub Arc<Domain>);
 
-impl Drop for Broom {
+impl Drop for Cleanup {
     fn drop(&mut self) {
         if let Ok(inside) = self.0.enter() {
             self.0.sweep(&inside);
@@ -268,11 +268,11 @@ pub fn entries(directory: &Path) -> impl Iterator<Item = (String, DirEntry)> {
 fn claim(directory: &Path, user: u32) -> Result<(), BusError> {
     match DirBuilder::new().mode(0o700).create(directory) {
         Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
-            return Err(scarcity::io(directory, &error));
+            return Err(resources::io(directory, &error));
         }
         _ => {}
     }
-    let refuse = |error: io::Error| scarcity::io(directory, &error);
+    let refuse = |error: io::Error| resources::io(directory, &error);
     let found = fs::symlink_metadata(directory).map_err(refuse)?;
     if !found.is_dir() || found.uid() != user {
         return Err(BusError::Settings(format!(

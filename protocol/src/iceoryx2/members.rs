@@ -1,4 +1,4 @@
-//! Who has announced himself: a file for each, locked for as long as he lives.
+//! The members of a session: a file for each, locked for as long as its process lives.
 //!
 //! iceoryx2 knows who lives too, but to ask it costs more than a plant can spend between two samples.
 
@@ -11,7 +11,7 @@ use std::{
     path::PathBuf,
 };
 
-use super::{domain::Domain, scarcity};
+use super::{domain::Domain, resources};
 use crate::{
     bus::{Attendance, BusError, Sessions},
     member::Member,
@@ -37,7 +37,7 @@ impl Members {
 
     /// What follows the prefix in the names of those who live.
     fn living(&self) -> Result<Vec<String>, BusError> {
-        let refuse = |error| scarcity::io(&self.directory, &error);
+        let refuse = |error| resources::io(&self.directory, &error);
         let mut names = Vec::new();
         for entry in fs::read_dir(&self.directory).map_err(refuse)?.flatten() {
             let name = entry.file_name();
@@ -58,7 +58,7 @@ impl Members {
 
     /// Announces a member. Only inside.
     pub fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError> {
-        let refuse = |error| scarcity::io(&self.directory, &error);
+        let refuse = |error| resources::io(&self.directory, &error);
         let path = self.path(member);
         let file =
             OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&path);
@@ -68,7 +68,7 @@ impl Members {
     }
 }
 
-/// Whether whoever made a file lives: the kernel unlocks it when the process dies.
+/// Whether the process that made a file lives: the kernel unlocks it when the process dies.
 fn is_locked(file: &File) -> bool {
     matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock))
 }
@@ -83,7 +83,7 @@ impl Attendance for Members {
         match File::open(self.path(member)) {
             Ok(file) => Ok(is_locked(&file)),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
-            // Whoever has no descriptor left to find out keeps to the lease.
+            // Without a descriptor left to find out, the lease decides.
             Err(_) => Ok(true),
         }
     }

@@ -6,9 +6,9 @@
 //! loop makes no system calls. The scenario is a service of bytes with a history of one.
 
 mod domain;
+mod error;
 mod members;
-mod refusal;
-mod scarcity;
+mod resources;
 mod slot;
 mod sweep;
 
@@ -35,10 +35,10 @@ use mtj_model::scenario::Wait;
 use nix::poll::{PollFd, PollFlags, ppoll};
 
 use self::{
-    domain::{Broom, Domain, Indoors},
+    domain::{Cleanup, Domain, Indoors},
+    error::Trouble,
     members::Members,
-    refusal::Trouble,
-    scarcity::failure,
+    resources::failure,
     slot::{SlotReader, SlotWriter},
 };
 use crate::{
@@ -61,8 +61,8 @@ const MAX_OFFER: usize = 65536;
 /// How often a stream's reader looks again; it is no part of the loop, so it does not ask to be woken.
 const STREAM_POLL: Duration = Duration::from_millis(1);
 
-/// How often somebody who spins looks at the writer he follows before he looks at the clock; and how often he does
-/// that before he looks at what others have written.
+/// How often a spinning reader looks at the writer it follows before it looks at the clock; and how often it does
+/// that before it looks at what others have written.
 const LOOKS: u32 = 32;
 
 /// A session on shared memory.
@@ -77,7 +77,7 @@ struct Place {
     node: Indoors<Node<ipc::Service>>,
     domain: Arc<Domain>,
     /// Last, because fields are dropped in order: it sweeps when the node has gone.
-    _broom: Broom,
+    _cleanup: Cleanup,
 }
 
 #[derive(Default)]
@@ -92,8 +92,8 @@ impl Iceoryx2Bus {
         set_log_level_from_env_or(LogLevel::Fatal);
         let domain = Domain::open()?;
         let node = domain.settle()?;
-        let _broom = Broom(Arc::clone(&domain));
-        let place = Place { session: session.to_owned(), node, domain, _broom };
+        let _cleanup = Cleanup(Arc::clone(&domain));
+        let place = Place { session: session.to_owned(), node, domain, _cleanup };
         Ok(Self { offers: RefCell::default(), place: Rc::new(place) })
     }
 }
@@ -281,7 +281,7 @@ impl<S: Sample> WriteEnd<S> {
         self.publisher.send_copy(*sample).map(|_| ()).map_err(failure(S::TOPIC))
     }
 
-    /// Whether somebody sleeps until he is woken.
+    /// Whether a reader sleeps until it is woken.
     fn has_sleepers(&self) -> bool {
         self.event.dynamic_config().number_of_listeners() > 0
     }
@@ -311,7 +311,7 @@ impl<S: Sample> Writer<S> for Iceoryx2Writer<S> {
         self.settle()?;
         self.expedited = Some(*sample);
         if self.end.has_sleepers() {
-            // Whoever sleeps may not follow us yet, and is woken but once.
+            // A reader that sleeps may not follow us yet, and is woken but once.
             self.settle()?;
             self.end.wake();
         }
@@ -434,7 +434,7 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
     }
 
     fn malformed(&self) -> u64 {
-        0 // Shared memory is typed: whoever disagrees about the layout cannot open the service.
+        0 // Shared memory is typed: a process with another layout cannot open the service.
     }
 }
 

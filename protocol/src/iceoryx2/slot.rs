@@ -12,7 +12,7 @@ use iceoryx2::{
     prelude::{Node, ServiceName, ipc},
 };
 
-use super::{MAX_NODES, MAX_READERS, refusal::Trouble};
+use super::{MAX_NODES, MAX_READERS, error::Trouble};
 use crate::sample::{Header, Sample};
 
 /// A slot has one entry.

@@ -1,4 +1,4 @@
-//! Clears away what the dead left in our domain. Whoever enters or leaves it does so.
+//! Removes what crashed processes left in our domain. Every process that enters or leaves it does so.
 
 use std::{
     collections::HashSet,
@@ -17,7 +17,7 @@ use super::domain::{Domain, Inside, SEGMENTS, entries};
 impl Domain {
     /// Clears away what belongs to nobody who lives.
     pub fn sweep(&self, _inside: &Inside<'_>) {
-        // If there are no means to look, whoever comes next will sweep.
+        // If there are no means to look, the next process will clean up.
         let Some((mut residents, dead)) = self.residents() else { return };
         // Segments first: iceoryx2 waits for ever for one whose maker died before it had a size.
         self.sweep_segments(&residents);

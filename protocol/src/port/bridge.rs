@@ -1,7 +1,7 @@
 //! A bridge: what is said on one bus is heard on another.
 //!
 //! The loop is on the *near* bus. All that plant and controllers say there, who they are, and the scenario
-//! cross over to the *far* bus; wishes to turn knobs come back. Torques never do: nobody beyond a bridge
+//! cross over to the *far* bus; requests come back. Torques never do: nobody beyond a bridge
 //! takes part in the loop, and nobody in the loop can tell whether there is a bridge.
 //!
 //! Samples cross as they are. Whether they are acceptable is judged where they are used. Only what another protocol

@@ -81,7 +81,7 @@ impl ControllerPort {
         while bus::receive(&mut *self.states, self.wait, until)? {
             self.kept = None;
             let mut heard = self.judge();
-            // At most as many as can wait: whoever writes faster must not hold us for ever.
+            // At most as many as can wait: a faster writer must not hold us for ever.
             for _ in 0..bus::RECENT_DEPTH {
                 if !self.states.has_more() {
                     break;

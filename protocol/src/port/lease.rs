@@ -1,6 +1,6 @@
 //! Which of several controllers is in charge: the plant decides, and names it in every state.
 //!
-//! Whoever is in charge holds a *lease*, which it renews by answering. If it leaves a state unanswered
+//! The controller in charge holds a *lease*, which it renews by answering. If it leaves a state unanswered
 //! for longer than the lease lasts, or the bus notices before that it is gone, the best of the others takes over:
 //! the one of the highest precedence, among those the one that has been there longest. Nobody takes over from a
 //! controller that answers, and torques of any other are refused, so two controllers never alternate.
@@ -26,14 +26,14 @@ pub struct Lease {
     duration: Duration,
     attendance: Box<dyn Attendance>,
     leader: u64,
-    /// The leader, if he was appointed, as he announced himself.
+    /// The leader, if it was appointed, as it announced itself.
     appointed: Option<Member>,
     /// Since when a state has been waiting for the leader's answer.
     waiting: Option<Instant>,
     looked: Option<Instant>,
     /// Who did not answer, and when that was noticed.
     deposed: Option<(u64, Instant)>,
-    /// Whoever answered last.
+    /// The controller that answered last.
     before: u64,
     takeovers: u64,
 }
@@ -55,7 +55,7 @@ impl Lease {
     }
 
     /// From now on a lease lasts so long.
-    pub fn adopt(&mut self, duration: Duration) {
+    pub fn reconfigure(&mut self, duration: Duration) {
         self.duration = duration;
     }
 
@@ -68,7 +68,7 @@ impl Lease {
 
     /// Decides who is to answer the next state; 0 for anybody.
     pub fn decide(&mut self) -> Result<u64, BusError> {
-        // The clock is read only when it matters: whoever is in charge and has answered stays so.
+        // The clock is read only when it matters: a controller in charge that has answered stays so.
         if self.leader == 0 || self.waiting.is_some() {
             let now = Instant::now();
             let has_lapsed =
@@ -82,7 +82,7 @@ impl Lease {
         Ok(self.leader)
     }
 
-    /// A state was sent `now`, for whoever is in charge to answer.
+    /// A state was sent `now`, for the controller in charge to answer.
     pub fn asked(&mut self, now: Instant) {
         self.waiting.get_or_insert(now);
     }
@@ -92,12 +92,12 @@ impl Lease {
         self.leader
     }
 
-    /// Whether whoever is in charge has answered before.
+    /// Whether the controller in charge has answered before.
     pub fn is_proven(&self) -> bool {
         self.leader != 0 && self.leader == self.before
     }
 
-    /// When the lease of whoever is in charge lapses, if he does not answer before.
+    /// When the lease of the controller in charge lapses, if it does not answer before.
     pub fn lapse(&self) -> Option<Instant> {
         let lapse = self.waiting.filter(|_| self.leader != 0)? + self.duration;
         Some(self.looked.map_or(lapse, |looked| lapse.max(looked + LOOK)))
@@ -110,7 +110,7 @@ impl Lease {
 
     /// An answer of this controller has passed.
     pub fn answered(&mut self, controller: u64) {
-        // Where nobody is appointed, whoever answers is in charge.
+        // Where none is appointed, a controller that answers is in charge.
         self.leader = controller;
         self.waiting = None;
         self.takeovers += u64::from(self.before != 0 && self.before != controller);
@@ -122,7 +122,7 @@ impl Lease {
         self.takeovers
     }
 
-    /// Whether the bus knows that whoever was appointed is gone: then nothing is to be waited for.
+    /// Whether the bus knows that the appointed controller is gone: then nothing is to be waited for.
     fn has_left(&mut self) -> Result<bool, BusError> {
         let Some(member) = &self.appointed else { return Ok(false) };
         Ok(!self.attendance.is_present(member)?)
@@ -145,7 +145,7 @@ impl Lease {
         let best = controllers.max_by_key(|member| {
             (trust(member), member.precedence, Reverse((member.since_ns, member.id)))
         });
-        // If nobody has announced himself, whoever answers is welcome.
+        // If none has announced itself, any answer is welcome.
         self.leader = best.map_or(0, |member| member.id);
         self.appointed = best.copied();
         if self.leader != silent {

@@ -46,11 +46,11 @@ pub trait Exchange {
     fn takeovers(&self) -> u64 {
         0
     }
-    /// The next wish to turn a knob, if there is one. Nobody wishes anything without a bus.
+    /// The next request, if there is one. Without a bus there is none.
     fn request(&mut self) -> Result<Option<RequestSample>, BusError> {
         Ok(None)
     }
-    /// Tells everybody what became of a wish.
+    /// Tells everybody what became of a request.
     fn announce(&mut self, _change: &ChangeSample) -> Result<(), BusError> {
         Ok(())
     }

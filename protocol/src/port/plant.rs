@@ -98,7 +98,7 @@ impl PlantPort {
                     }
                 }
             }
-            // Whoever writes faster than we listen must not hold us for ever.
+            // A writer that is faster than we listen must not hold us for ever.
             if Instant::now() >= until {
                 break;
             }
@@ -131,8 +131,8 @@ impl Exchange for PlantPort {
     }
 
     fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
-        // As long as whoever answered before may answer now, there is nothing to do but wait for that; unless
-        // he follows nobody, as a program that knows only the stream.
+        // As long as the controller that answered before may answer now, there is nothing to do but wait; unless
+        // it follows nobody, as a program that knows only the stream.
         let is_close = self.torques.follows() && self.lease.is_proven();
         if self.asked.answers == 0
             && let Some(lapse) = self.lease.lapse().filter(|_| is_close)
@@ -151,7 +151,7 @@ impl Exchange for PlantPort {
             if Instant::now() >= until {
                 return Ok(None);
             }
-            // Whoever takes over need not wait for the next sample.
+            // A controller that takes over need not wait for the next sample.
             let before = self.lease.leader();
             if lapse.is_some() && self.lease.decide()? != before {
                 let mut state = self.asked.state;
@@ -187,7 +187,7 @@ impl Exchange for PlantPort {
     }
 
     fn renew(&mut self, scenario: &Scenario, revision: u32) -> Result<(), BusError> {
-        self.lease.adopt(scenario.safety.lease);
+        self.lease.reconfigure(scenario.safety.lease);
         self.offering.renew(encode(scenario, self.run, revision))
     }
 

@@ -1,4 +1,4 @@
-//! The end of whoever turns a knob of a running loop.
+//! The port of an operator that changes a running loop.
 
 use std::time::{Duration, Instant, SystemTime};
 
@@ -15,7 +15,7 @@ use crate::{
 /// answers it twice and carries it out once.
 pub const REPEAT: Duration = Duration::from_millis(100);
 
-/// What to say when no answer came. Nobody tells who asks without the right to that he has none.
+/// What to say when no answer came. Zenoh silently drops requests from clients without permission.
 pub const UNANSWERED: &str = "the plant does not answer; where it is reached with certificates, only an operator may \
                               turn knobs (--identity operator)";
 

@@ -29,7 +29,7 @@ pub fn check(config: &Config, settings: &BusSettings) -> Result<(), BusError> {
         _ => "bus.listen".to_owned(),
     };
     Err(BusError::Settings(format!(
-        "{place} = {open} is refused: whoever reaches this address over the network could move the arm; \
+        "{place} = {open} is refused: anybody who reaches this address over the network could move the arm; \
          prove who connects with --certs DIR and a tls/ or quic/ address, listen on 127.0.0.1, or say \
          --insecure if the network is yours alone"
     )))

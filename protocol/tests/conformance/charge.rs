@@ -154,12 +154,12 @@ pub fn whoever_answers_takes_charge_where_nobody_has_announced_himself<R: Rig>()
         court.plant.receive(glance()).unwrap()
     });
     assert_eq!((found, court.plant.torque().controller), (Answer::Torque, 77));
-    // An announced one waits until he fails.
+    // An announced one waits until it fails.
     let mut announced = court.join(10, 0, 1);
     court.plant.send(&mut state(court.next)).unwrap();
     court.next += 1;
     stranger.write(&TorqueSample { controller: 77, ..torque(court.next - 1) }).unwrap();
-    eventually("his next", || court.plant.receive(glance()).unwrap());
+    eventually("its next", || court.plant.receive(glance()).unwrap());
     assert!(court.plant.torque().header.sequence > 0);
     assert_eq!(court.leader(&mut [&mut announced]), 10);
 }

@@ -25,12 +25,12 @@ fn carry_out(met: &mut Met, outcome: Result<(), &str>) -> RequestSample {
 pub fn a_wish_comes_to_the_plant_and_its_answer_back<R: Rig>() {
     let rig = R::new();
     let mut met = close_the_loop(&rig);
-    let wishes = [
+    let requests = [
         (Knob::Set(vec!["law.kp=31".to_owned(), "law.kind=tj".to_owned()]), Ok(())),
         (Knob::Pause, Ok(())),
         (Knob::Kick { torque: vec![1.5, -2.0], milliseconds: 12.5 }, Err("not now")),
     ];
-    for (knob, outcome) in wishes {
+    for (knob, outcome) in requests {
         thread::scope(|scope| {
             let asking = scope.spawn(|| {
                 let bus = rig.join(Role::Controller);
@@ -38,7 +38,7 @@ pub fn a_wish_comes_to_the_plant_and_its_answer_back<R: Rig>() {
                 port.turn(RUN, &knob, soon()).unwrap().expect("an answer")
             });
             let request = carry_out(&mut met, outcome);
-            // A bus may have lost the first answer; whoever asks again gets it again.
+            // A bus may have lost the first answer; a second request gets it again.
             while !asking.is_finished() {
                 carry_on(&mut met, outcome);
             }
@@ -69,15 +69,15 @@ fn carry_on(met: &mut Met, outcome: Result<(), &str>) {
 
 pub fn a_wish_for_another_run_or_of_another_version_is_nobodys<R: Rig>() {
     let mut met = close_the_loop(&R::new());
-    let mut wishes: Box<dyn Writer<RequestSample>> = met.other.writer().unwrap();
+    let mut requests: Box<dyn Writer<RequestSample>> = met.other.writer().unwrap();
     let good = Knob::Pause.request(RUN, 9);
     let mut foreign = Knob::Pause.request(RUN + 1, 1);
     let mut strange = Knob::Pause.request(RUN, 2);
     strange.header.version = VERSION + 1;
     foreign.header.sequence = 3;
     let heard = eventually("the good one", || {
-        for wish in [&foreign, &strange, &good] {
-            wishes.write(wish).unwrap();
+        for request in [&foreign, &strange, &good] {
+            requests.write(request).unwrap();
         }
         met.plant.request().unwrap()
     });

@@ -39,7 +39,7 @@ fn faults<S: Sample>(number_of: fn(&mut S) -> &mut f64) -> Vec<Fault<S>> {
 pub fn the_plant_ignores_torques_that_are_not_acceptable<R: Rig>() {
     let mut met = close_the_loop(&R::new());
     let mut stranger = met.other.writer::<TorqueSample>().unwrap();
-    eventually("a torque of a stranger who says he is the controller", || {
+    eventually("a torque of a stranger that says it is the controller", || {
         let answer = met.answered_by(|asked| stranger.write(&torque(asked)).unwrap());
         assert_ne!(answer, Some(Answer::NotFinite));
         answer

@@ -93,7 +93,7 @@ pub fn soon() -> Instant {
     Instant::now() + Duration::from_secs(20)
 }
 
-/// A short look: long enough for what is there, and repeated by whoever expects something.
+/// A short look: long enough for what is there, and repeated by a caller that expects something.
 pub fn glance() -> Instant {
     Instant::now() + Duration::from_millis(20)
 }

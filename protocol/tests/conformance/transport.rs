@@ -69,7 +69,7 @@ pub fn a_follower_gets_the_newest_once_and_the_stream_gets_all<R: Rig>() {
         }
         let mut newest = None;
         eventually("the newest", || {
-            // Whoever is at the door keeps others waiting there; a port asks with each sample.
+            // A process that holds the lock keeps others out; a port asks with each sample.
             follower.follow().unwrap();
             while let Some(found) = follower.take().unwrap() {
                 assert!(newest < Some(found.header.sequence), "newer and newer");

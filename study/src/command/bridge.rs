@@ -44,7 +44,7 @@ impl BridgeCommand {
         let (from, to) = self.sides()?;
         let shutdown = Shutdown::on_signals();
         let proceed = || shutdown.proceed();
-        // Those beyond connect to the bridge as they do to a plant; here it listens, and hands in wishes.
+        // Those beyond connect to the bridge as they do to a plant; here it listens, and hands in requests.
         let role = if self.read_only { Role::Monitor } else { Role::Operator };
         let Some(far) = AnyBus::stand_in(&to, &proceed)? else { return Ok(()) };
         let Some(near) = AnyBus::open(&from, role, &proceed)? else { return Ok(()) };

@@ -183,7 +183,7 @@ impl Latency {
 impl Echo {
     /// Answers.
     pub fn run(self) -> Result<(), Failure> {
-        // First, so that who spins at a high priority does not keep from running what is to stop him.
+        // First, so that a thread that spins at a high priority does not keep the one that stops it from running.
         let shutdown = Shutdown::on_signals().when_stdin_closes();
         self.realtime.before_joining();
         self.realtime.before_the_loop()?;

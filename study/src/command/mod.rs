@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod bridge;
 pub mod certs;
+pub mod completions;
 pub mod export;
 pub mod knob;
 pub mod latency;

@@ -49,8 +49,9 @@ impl ScenarioCommand {
         match self.action {
             Action::List => {
                 for (name, text) in BUILT_IN {
-                    let first = text.lines().next().unwrap_or_default();
-                    writeln!(out, "{name:<25} {}", first.trim_start_matches("# "))?;
+                    // The first paragraph of the comment that the file begins with.
+                    let comment = text.lines().map_while(|line| line.strip_prefix("# "));
+                    writeln!(out, "{name:<25} {}", comment.collect::<Vec<_>>().join(" "))?;
                 }
             }
             Action::Show(named) => write!(out, "{}", named.load()?.text())?,

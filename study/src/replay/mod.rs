@@ -2,30 +2,30 @@
 //!
 //! ```text
 //! pairs       which torque answered which state
-//! understudy  the controller that answers once more
+//! replay_controller  the controller that answers once more
 //! findings    what comes out of it
 //! ```
 
 mod findings;
 mod pairs;
-mod understudy;
+mod replay_controller;
 
 use mtj_model::scenario::Override;
 use mtj_monitor::recording::Recording;
 use mtj_protocol::port::Message;
 
 pub use self::findings::Findings;
-use self::{pairs::Pairs, understudy::Understudy};
+use self::{pairs::Pairs, replay_controller::ReplayController};
 
 /// Answers the states of a recording, with `set` laid over its scenarios.
 pub fn replay(recording: &mut Recording, set: &[Override]) -> Result<Findings, String> {
     let mut findings = Findings::default();
     let mut pairs = Pairs::default();
-    let mut understudy = Understudy::new(set);
+    let mut controller = ReplayController::new(set);
     for recorded in &mut *recording {
         let message = recorded?.message;
         match &message {
-            Message::Scenario(offered) => understudy.learn(offered)?,
+            Message::Scenario(offered) => controller.learn(offered)?,
             Message::State(state) => {
                 findings.states += 1;
                 pairs.ask(*state);
@@ -37,12 +37,12 @@ pub fn replay(recording: &mut Recording, set: &[Override]) -> Result<Findings, S
             _ => {}
         }
         // A scenario may be heard a moment after the first samples that are about it.
-        while let Some(pair) = pairs.next(|header| understudy.knows(header)) {
-            understudy.answer(&pair, &mut findings)?;
+        while let Some(pair) = pairs.next(|header| controller.knows(header)) {
+            controller.answer(&pair, &mut findings)?;
         }
     }
     while let Some(pair) = pairs.next(|_| true) {
-        understudy.answer(&pair, &mut findings)?;
+        controller.answer(&pair, &mut findings)?;
     }
     pairs.finish();
     findings.repeated = pairs.repeated();

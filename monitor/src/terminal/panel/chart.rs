@@ -62,7 +62,7 @@ pub fn signal(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let margin = 0.04 * (high - low);
     let plot = Plot {
         lines: lines(picture, &picture.view.gauge, area),
-        ink: Ink::Well,
+        ink: Ink::Ok,
         y: [low - margin, high + margin],
         labels: [low, high].map(super::figure).to_vec(),
     };
@@ -80,7 +80,7 @@ fn reading<'a>(picture: &Picture, gauge: Option<&Signal>, range: Option<Range>) 
     let (Some(newest), Some(range)) = (newest, range) else { return Line::default() };
     let newest: Vec<_> = newest.iter().map(|number| format!("{number:.3}")).collect();
     Line::from(vec![
-        picture.ink(newest.join(" "), Ink::Well),
+        picture.ink(newest.join(" "), Ink::Ok),
         picture.ink(format!("  lowest {:.3}", range.min), Ink::Faint),
     ])
 }

@@ -34,7 +34,7 @@ pub fn title(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let (phase, ink) = match picture.view.overview.phase() {
         None => ("no plant", Ink::Faint),
         Some(Phase::Waiting) => ("waiting", Ink::Desired),
-        Some(Phase::Running) => ("running", Ink::Well),
+        Some(Phase::Running) => ("running", Ink::Ok),
         Some(Phase::Finished) => ("finished", Ink::Faint),
         Some(Phase::Paused) => ("paused", Ink::Desired),
     };

@@ -110,7 +110,7 @@ pub fn axes(picture: &Picture, area: Rect, buf: &mut Buffer) {
                 picture.ink(error, Ink::Tip),
             ]);
             for signal in &quantities {
-                let ink = if signal.range.is_some() { Ink::Well } else { Ink::Force };
+                let ink = if signal.range.is_some() { Ink::Ok } else { Ink::Force };
                 line.push_span(picture.ink(right(&value(overview, signal, i)), ink));
             }
             line

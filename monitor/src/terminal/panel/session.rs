@@ -1,4 +1,4 @@
-//! Who takes part, and what became of commands and wishes.
+//! Who takes part, and what became of commands and requests.
 
 use std::time::Duration;
 
@@ -52,7 +52,7 @@ pub fn counts<'a>(picture: &Picture, width: u16) -> Vec<Line<'a>> {
         ("takeovers", status.takeovers),
     ];
     let piece = |(name, count): (&str, u64)| {
-        let ink = if count > 0 { Ink::Bad } else { Ink::Well };
+        let ink = if count > 0 { Ink::Bad } else { Ink::Ok };
         vec![picture.ink(format!("{name} "), Ink::Faint), picture.ink(count.to_string(), ink)]
     };
     // Nothing is said of what most sessions have none of.
@@ -119,7 +119,7 @@ fn lamp<'a>(picture: &Picture, party: &Party, is_silent: bool) -> Span<'a> {
     match party.heard {
         None => picture.ink("·", Ink::Faint),
         Some(_) if is_silent => picture.ink("○", Ink::Bad),
-        Some(_) => picture.ink("●", Ink::Well),
+        Some(_) => picture.ink("●", Ink::Ok),
     }
 }
 

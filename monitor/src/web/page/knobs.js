@@ -148,11 +148,11 @@ class Knob {
 
   #attach(input) {
     if (input.type === "radio") {
-      input.addEventListener("change", () => this.wish(input.value));
+      input.addEventListener("change", () => this.request(input.value));
       return;
     }
     input.addEventListener("input", () => (this.#edited = true));
-    input.addEventListener("change", () => this.#edited && this.wish(input.value));
+    input.addEventListener("change", () => this.#edited && this.request(input.value));
     input.addEventListener("keydown", (event) => {
       if (event.key !== "Escape") return;
       this.#settle();
@@ -169,7 +169,7 @@ class Knob {
       last = performance.now();
       const value = next;
       next = null;
-      this.wish(String(value));
+      this.request(String(value));
     };
     slider.addEventListener("input", () => {
       next = LATENCIES[slider.valueAsNumber];
@@ -185,7 +185,7 @@ class Knob {
   }
 
   /** Asks for a value, as it was typed. */
-  async wish(text) {
+  async request(text) {
     this.#edited = false;
     if (text.trim() === "") return this.#settle();
     this.#element.classList.add("pending");

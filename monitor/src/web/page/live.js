@@ -20,7 +20,7 @@ export class Live extends EventTarget {
     super();
     this.#address = address;
     setInterval(() => this.#checkSilence(), 1_000);
-    // Whoever comes back to this page, or to the network, does not want to wait.
+    // A page that is shown again, or a network that returns, should not wait.
     for (const event of ["online", "focus"]) addEventListener(event, () => this.#retryNow());
     document.addEventListener("visibilitychange", () => document.hidden || this.#retryNow());
     this.#connect();

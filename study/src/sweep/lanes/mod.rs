@@ -12,7 +12,7 @@
 //!
 //! What lanes do not do is done by the scalar path: see [`structure`].
 
-mod flock;
+mod batch;
 mod lane;
 
 use mtj_model::{
@@ -89,9 +89,9 @@ pub fn measure_in(
         };
         let queue = Queue { scenarios, numbers, proceed, hand_in: &mut take };
         match structure.links {
-            1 => width.run(Flight::<1, 2, 2>(queue)),
-            2 => width.run(Flight::<2, 2, 2>(queue)),
-            _ => width.run(Flight::<3, 2, 3>(queue)),
+            1 => width.run(Job::<1, 2, 2>(queue)),
+            2 => width.run(Job::<2, 2, 2>(queue)),
+            _ => width.run(Job::<3, 2, 3>(queue)),
         }
     }
     for number in alone {
@@ -121,12 +121,12 @@ struct Queue<'a, 'b> {
 
 /// Runs of an arm with `N` links, a task with `M` axes, and an echo of up to `E` numbers: one for each
 /// joint or axis.
-struct Flight<'a, 'b, const N: usize, const M: usize, const E: usize>(Queue<'a, 'b>);
+struct Job<'a, 'b, const N: usize, const M: usize, const E: usize>(Queue<'a, 'b>);
 
-impl<const N: usize, const M: usize, const E: usize> Work for Flight<'_, '_, N, M, E> {
+impl<const N: usize, const M: usize, const E: usize> Work for Job<'_, '_, N, M, E> {
     type Output = ();
     #[inline(always)]
     fn run<T: Lanes>(self) {
-        flock::Flock::<T, N, M, E>::fly(self.0);
+        batch::Batch::<T, N, M, E>::compute(self.0);
     }
 }

@@ -27,7 +27,7 @@ type Point<T, const N: usize, const M: usize> = <PlanarArm<T, N> as Kinematics<T
 const PATIENCE: u32 = 1024;
 
 /// The loops, their arms and their controllers.
-pub struct Flock<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> {
+pub struct Batch<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> {
     queue: Queue<'a, 'b>,
     next: usize,
     loops: Vec<Place<'a, N, E>>,
@@ -48,14 +48,14 @@ struct Place<'s, const N: usize, const E: usize> {
     delivered_ns: Option<u64>,
 }
 
-impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a, 'b, T, N, M, E> {
+impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a, 'b, T, N, M, E> {
     /// Computes everything in a queue.
     #[inline(always)]
-    pub fn fly(queue: Queue<'a, 'b>) {
+    pub fn compute(queue: Queue<'a, 'b>) {
         let Some(some) = queue.numbers.first().map(|number| &queue.scenarios[*number]) else {
             return;
         };
-        let mut flock = Self {
+        let mut batch = Self {
             next: 0,
             loops: (0..T::COUNT).map(|_| Place::default()).collect(),
             arms: DormandPrince::new(some.arm.build::<N>().lift::<T, M>()),
@@ -65,7 +65,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Flock<'a,
             predicts: some.law.prediction.is_some(),
             queue,
         };
-        flock.run();
+        batch.run();
     }
 
     #[inline(always)]

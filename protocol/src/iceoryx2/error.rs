@@ -19,7 +19,7 @@ use iceoryx2::{
     service::service_name::ServiceNameError,
 };
 
-use super::scarcity;
+use super::resources;
 use crate::bus::BusError;
 
 /// Why an attempt failed.
@@ -63,8 +63,8 @@ impl Trouble {
             Self::Crowded => Refusal::Perhaps(settings(format!(
                 "has as many processes at '{topic}' as it may have; stop one"
             ))),
-            Self::System(error) => Refusal::Final(scarcity::io(root, &error)),
-            Self::Other(words) => Refusal::Perhaps(scarcity::explain(root, topic, &words)),
+            Self::System(error) => Refusal::Final(resources::io(root, &error)),
+            Self::Other(words) => Refusal::Perhaps(resources::explain(root, topic, &words)),
         }
     }
 

@@ -21,7 +21,7 @@ const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Catches the lines that this process writes to standard error: on the screen they would land
 /// anywhere. They are shown in a line of their own, and said again when the screen is left.
-pub struct Asides {
+pub struct StderrCapture {
     original: OwnedFd,
     said: Said,
     silent: Receiver<()>,
@@ -38,7 +38,7 @@ struct Lines {
     newest: Option<Instant>,
 }
 
-impl Asides {
+impl StderrCapture {
     /// From now on standard error is caught.
     pub fn catch() -> io::Result<Self> {
         let original = stdio::stderr().try_clone_to_owned()?;
@@ -46,7 +46,7 @@ impl Asides {
         let said = Said::default();
         let (ended, silent) = mpsc::channel();
         let ear = said.clone();
-        thread::Builder::new().name("asides".to_owned()).spawn(move || {
+        thread::Builder::new().name("stderr_capture".to_owned()).spawn(move || {
             for line in BufReader::new(reader).split(b'\n').map_while(Result::ok) {
                 ear.take_in(&String::from_utf8_lossy(&line));
             }

@@ -13,7 +13,7 @@ use super::{
 };
 
 /// Follows a recorded run with a controller of its own.
-pub struct Understudy<'a> {
+pub struct ReplayController<'a> {
     set: &'a [Override],
     /// Of the newest run, by revision.
     scenarios: Vec<(u64, u32, Scenario)>,
@@ -30,7 +30,7 @@ struct Part {
     is_joining: bool,
 }
 
-impl<'a> Understudy<'a> {
+impl<'a> ReplayController<'a> {
     /// Answers as the recorded scenarios say, with `set` laid over them.
     pub fn new(set: &'a [Override]) -> Self {
         Self { set, scenarios: Vec::new(), part: None }
@@ -68,7 +68,7 @@ impl<'a> Understudy<'a> {
             *part = Part::new(torque, revision, scenario);
         } else if part.revision != revision {
             part.revision = revision;
-            part.controller.adopt(scenario);
+            part.controller.reconfigure(scenario);
         }
         if !is_new && part.recorded != torque.controller {
             // What it remembered while it stood by, or that it had just started, shows only now.
@@ -78,7 +78,7 @@ impl<'a> Understudy<'a> {
         }
         part.is_joining |= after_gap;
         if part.is_joining {
-            part.controller.take_over(state, torque).map_err(refuse)?;
+            part.controller.resume_from(state, torque).map_err(refuse)?;
             // What is latched at the beginning of a memory step lasts until the next.
             let step = scenario.law.memory.step.as_nanos() as u64;
             let period = scenario.timing.sample_period.as_nanos() as u64;
