@@ -98,9 +98,6 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Echo(echo) => echo.run(),
         Command::Certs(certs) => certs.run(),
         Command::Bench(bench) => bench.run(),
-        Command::Completions(completions) => {
-            completions.run(Program::command());
-            Ok(())
-        }
+        Command::Completions(completions) => completions.run(Program::command()),
     }
 }

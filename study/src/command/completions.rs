@@ -1,9 +1,11 @@
 //! `mtj completions`: a script with which a shell completes commands and options.
 
-use std::io;
+use std::io::{self, Write};
 
 use clap::Args;
 use clap_complete::{Shell, generate};
+
+use crate::failure::Failure;
 
 /// Print a script with which a shell completes commands and options
 #[derive(Args, Debug)]
@@ -14,7 +16,10 @@ pub struct Completions {
 
 impl Completions {
     /// Prints the script for a program to standard output.
-    pub fn run(self, mut program: clap::Command) {
-        generate(self.shell, &mut program, "mtj", &mut io::stdout());
+    pub fn run(self, mut program: clap::Command) -> Result<(), Failure> {
+        // Into memory first: the generator panics where its output is closed early.
+        let mut script = Vec::new();
+        generate(self.shell, &mut program, "mtj", &mut script);
+        Ok(io::stdout().write_all(&script)?)
     }
 }
