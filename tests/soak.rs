@@ -173,7 +173,7 @@ impl<'a> Soak<'a> {
     }
 }
 
-/// What processes have in shared memory, by kind, once all processes have found whom they follow.
+/// What processes have in shared memory, by kind, once every process has found the writers that it follows.
 fn shared(processes: &[u32]) -> BTreeMap<String, usize> {
     thread::sleep(Duration::from_millis(500));
     let mut kinds = BTreeMap::new();

@@ -77,7 +77,7 @@ impl Controller {
     pub fn new(scenario: &Scenario) -> Self {
         Self {
             law: law(scenario, None),
-            answer: Answer { torque: TorqueSample::default(), error: nothing_of(scenario) },
+            answer: Answer { torque: TorqueSample::default(), error: blank_error(scenario) },
         }
     }
 
@@ -85,7 +85,7 @@ impl Controller {
     /// else gives the arm no jerk.
     pub fn reconfigure(&mut self, scenario: &Scenario) {
         self.law = law(scenario, Some(self.law.remembered()));
-        self.answer.error = nothing_of(scenario);
+        self.answer.error = blank_error(scenario);
     }
 
     /// τ = J_Cᵀ Q̂ for a measured state, with Q̂ from the law. The desired motion is evaluated at the
@@ -148,8 +148,8 @@ struct Remembered {
     velocity: Axes,
 }
 
-/// What a law shows before it has answered anything.
-fn nothing_of(scenario: &Scenario) -> ErrorSample {
+/// The error sample before the first answer: the law's name, and zeros.
+fn blank_error(scenario: &Scenario) -> ErrorSample {
     ErrorSample { law: text(scenario.law.law.description().name), ..ErrorSample::default() }
 }
 

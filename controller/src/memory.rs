@@ -66,7 +66,7 @@ impl<const E: usize> Memory<E> {
     pub fn store(&mut self, time_ns: u64, echo: &[f64; E]) {
         self.is_first = false;
         if time_ns >= self.step_ends_ns {
-            // A division, which takes longer than all else here, only where steps were skipped.
+            // Divides only after skipped steps: a division takes longer than the rest of this function.
             let next_ns = self.step_ends_ns.saturating_add(self.step_ns);
             self.step_ends_ns = if time_ns < next_ns {
                 next_ns

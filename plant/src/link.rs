@@ -106,8 +106,8 @@ impl Link {
         }
     }
 
-    /// A lost message draws a latency all the same, so that the losses do not change the latencies of the
-    /// others.
+    /// Draws the latency and the loss of a message, ns. A lost message draws a latency, too, so that losses
+    /// do not change the latencies of other messages.
     fn draw(&mut self) -> Option<u64> {
         let nanoseconds = |seconds: f64| (seconds.clamp(0.0, LONGEST) * 1e9).round() as u64;
         let latency_ns = match &mut self.delay {

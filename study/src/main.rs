@@ -101,3 +101,13 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Completions(completions) => completions.run(Program::command()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        Program::command().debug_assert();
+    }
+}

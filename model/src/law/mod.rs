@@ -57,8 +57,8 @@ pub struct Situation<'a, T: Scalar, A: Kinematics<T, N, M>, const N: usize, cons
 }
 
 impl<T: Scalar, A: Kinematics<T, N, M>, const N: usize, const M: usize> Situation<'_, T, A, N, M> {
-    /// J. Computed where a law needs it, which is after its task force: to have it before is to carry it
-    /// past all that comes between.
+    /// J. A law calls this when it has its task force: a matrix that is computed earlier has to be kept
+    /// until then, which costs instructions.
     #[inline(always)]
     pub fn jacobian(&self) -> SMatrix<T, M, N> {
         self.arm.jacobian(self.at)
@@ -100,8 +100,8 @@ fn recalled<T: Scalar, const M: usize>(echo: &Echo<T>) -> SVector<T, M> {
 
 /// The equation of a law for a task with `M` axes.
 pub trait Equation<T: Scalar, const M: usize>: Copy {
-    /// The law's answer to a situation. Its signals go where they are shown, so that a
-    /// caller without a display does not carry them about.
+    /// The law's answer to a situation. Writes its signals into `signals`, the same entries at every call;
+    /// entries past its last signal stay as they are.
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
         now: &Situation<'_, T, A, N, M>,

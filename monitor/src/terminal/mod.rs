@@ -1,14 +1,14 @@
 //! The terminal dashboard.
 //!
 //! ```text
-//! dashboard  an audience: draws ten times a second, and listens to keys
-//! panel      what is on the screen
-//! view       what is known: the overview, and the last minutes
-//! track      a number over time, thinned without losing a peak
-//! screen     the terminal, taken over and given back
-//! keyboard   the keys
-//! stderr_capture  what is said on standard error meanwhile
-//! palette    the colours
+//! dashboard       an audience: draws ten times a second, and listens to keys
+//! panel           what is on the screen
+//! view            what is known: the overview, and the last minutes
+//! track           a number over time, thinned without losing a peak
+//! screen          the terminal, taken over and given back
+//! keyboard        the keys
+//! stderr_capture  what is written to standard error meanwhile
+//! palette         the colours
 //! ```
 
 mod dashboard;

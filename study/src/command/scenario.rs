@@ -49,14 +49,30 @@ impl ScenarioCommand {
         match self.action {
             Action::List => {
                 for (name, text) in BUILT_IN {
-                    // The first paragraph of the comment that the file begins with.
-                    let comment = text.lines().map_while(|line| line.strip_prefix("# "));
-                    writeln!(out, "{name:<25} {}", comment.collect::<Vec<_>>().join(" "))?;
+                    writeln!(out, "{name:<25} {}", summary(text))?;
                 }
             }
             Action::Show(named) => write!(out, "{}", named.load()?.text())?,
             Action::Check(named) => writeln!(out, "{}: acceptable", named.load()?.name)?,
         }
         Ok(())
+    }
+}
+
+/// The first paragraph of the comment that a scenario's file begins with.
+fn summary(text: &str) -> String {
+    text.lines().map_while(|line| line.strip_prefix("# ")).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_list_has_whole_sentences() {
+        for (name, text) in BUILT_IN {
+            let summary = summary(text);
+            assert!(summary.ends_with('.') && !summary.contains('\n'), "{name}: {summary}");
+        }
     }
 }

@@ -1,9 +1,9 @@
 //! Answers recorded states once more, and holds the answers against the recorded ones.
 //!
 //! ```text
-//! pairs       which torque answered which state
+//! pairs              which torque answered which state
 //! replay_controller  the controller that answers once more
-//! findings    what comes out of it
+//! findings           what comes out of it
 //! ```
 
 mod findings;

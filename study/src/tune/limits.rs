@@ -12,7 +12,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::{
     MARGIN, Wanted, trial,
-    values::{Remedy, THRESHOLDS, Values},
+    values::{Remedy, THRESHOLDS, Values, round_down},
     verify,
 };
 use crate::{
@@ -51,6 +51,17 @@ pub struct Bound<R> {
     pub kd: f64,
     /// In one line.
     pub reason: R,
+}
+
+impl Bound<String> {
+    /// What limits a K_d that was chosen.
+    pub fn reason_for(&self, kd: f64) -> String {
+        let most = round_down(self.kd);
+        if kd < most {
+            return format!("simulation: the best of the gains up to {most}");
+        }
+        self.reason.clone()
+    }
 }
 
 /// The torque that the motion takes: peaks over the whole run and over its second half. By the

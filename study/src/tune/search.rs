@@ -43,17 +43,6 @@ pub struct Candidate {
     pub bound: Bound<String>,
 }
 
-impl Bound<String> {
-    /// What limits a K_d that was chosen.
-    pub fn reason_for(&self, kd: f64) -> String {
-        let most = round_down(self.kd);
-        if kd < most {
-            return format!("simulation: the best of the gains up to {most}");
-        }
-        self.reason.clone()
-    }
-}
-
 impl Candidate {
     /// The same with a little less and a little more of K_d and of M̄.
     fn variations(&self, arm: &Arm, wanted: &Wanted) -> Vec<Self> {
