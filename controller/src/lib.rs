@@ -9,8 +9,9 @@
 
 pub mod controller;
 pub mod memory;
-pub mod options;
 pub mod prediction;
+#[cfg(feature = "program")]
+pub mod program;
 pub mod responder;
 pub mod serve;
 

@@ -1,9 +1,12 @@
 //! The controller as a program of its own, for a machine that needs nothing else.
 
-use std::process::ExitCode;
+use std::{
+    io::{self, Write},
+    process::ExitCode,
+};
 
 use clap::Parser;
-use mtj_controller::{options::ControllerOptions, serve::ServeError};
+use mtj_controller::{program::ControllerOptions, serve::ServeError};
 use mtj_protocol::bus::BusError;
 
 #[derive(Parser)]
@@ -14,10 +17,12 @@ struct Program {
 }
 
 fn main() -> ExitCode {
-    match Program::parse().options.run() {
+    let options = Program::parse().options;
+    mtj_options::log::to_standard_error("mtj-controller");
+    match options.run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("mtj-controller: {error}");
+            let _ = writeln!(io::stderr(), "mtj-controller: {error}");
             let is_bad_input = matches!(error, ServeError::Bus(BusError::Settings(_)));
             ExitCode::from(if is_bad_input { 2 } else { 1 })
         }

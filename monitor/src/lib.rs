@@ -19,7 +19,6 @@ pub mod fleet;
 pub mod foxglove;
 pub mod lines;
 pub mod monitor;
-pub mod options;
 pub mod overview;
 pub mod recording;
 pub mod terminal;

@@ -24,7 +24,6 @@ pub mod knob;
 pub mod local;
 mod mailbox;
 pub mod member;
-pub mod options;
 pub mod port;
 pub mod realtime;
 pub mod sample;

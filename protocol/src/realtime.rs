@@ -1,10 +1,9 @@
-//! The command line options by which a role gets a processor to itself, and keeps its memory.
+//! How a role gets a processor to itself, and keeps its memory.
 //!
 //! What the system refuses is said and gone without: a loop is only less punctual for it.
 
 use std::{fs, io};
 
-use clap::Args;
 use nix::{
     libc,
     sched::{CpuSet, sched_setaffinity},
@@ -15,20 +14,17 @@ use nix::{
 use crate::bus::BusError;
 
 /// How a role runs in real time.
-#[derive(Args, Clone, Debug, Default, PartialEq, Eq)]
-pub struct RealtimeOptions {
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Realtime {
     /// Real-time priority, 1 to 99: nothing of a lower one delays the role (SCHED_FIFO)
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=99))]
     pub priority: Option<u8>,
     /// The processor on which the role's loop stays, counted from 0
-    #[arg(long, value_name = "CORE")]
     pub cpu: Option<usize>,
     /// Keep the role's memory from being paged out, and fault it in beforehand
-    #[arg(long)]
     pub lock_memory: bool,
 }
 
-impl RealtimeOptions {
+impl Realtime {
     /// To be called before a role joins its bus.
     pub fn before_joining(&self) {
         if self.lock_memory {
@@ -65,21 +61,6 @@ impl RealtimeOptions {
                 error.desc()
             ))
         })
-    }
-
-    /// The same options as arguments for another process.
-    pub fn arguments(&self) -> Vec<String> {
-        let mut arguments = Vec::new();
-        if let Some(priority) = self.priority {
-            arguments.extend(["--priority".to_owned(), priority.to_string()]);
-        }
-        if let Some(core) = self.cpu {
-            arguments.extend(["--cpu".to_owned(), core.to_string()]);
-        }
-        if self.lock_memory {
-            arguments.push("--lock-memory".to_owned());
-        }
-        arguments
     }
 }
 

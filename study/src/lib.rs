@@ -1,16 +1,18 @@
-//! Everything that `mtj` does with the roles: launch them, run them, compare them.
+//! Studies of `mtj`: many runs instead of one.
+//!
+//! | module | what it does |
+//! |---|---|
+//! | [`experiment`] | one run within this process |
+//! | [`sweep`] | all points of a plan: a scenario and axes |
+//! | [`predict`] | the largest latency that a loop stands, by theory and by simulation |
+//! | [`tune`] | gains, memory and prediction for what is wanted |
+//! | [`report`] | the results of a sweep as a page and as figures |
 
-pub mod bench;
-pub mod command;
+pub mod error;
 pub mod experiment;
-pub mod failure;
-pub mod figure;
-pub mod latency;
-pub mod launcher;
-pub mod paper;
 pub mod predict;
-pub mod replay;
 pub mod report;
-pub mod session;
 pub mod sweep;
 pub mod tune;
+
+pub use error::StudyError;

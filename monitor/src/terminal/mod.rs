@@ -26,7 +26,8 @@ use std::{
 };
 
 use clap::Args;
-use mtj_protocol::{bus::BusError, options::BusOptions};
+use mtj_model::scenario::BusSettings;
+use mtj_protocol::bus::BusError;
 
 pub use self::dashboard::Dashboard;
 
@@ -59,12 +60,11 @@ impl TerminalOptions {
     }
 
     /// Takes over the terminal, if that was asked for.
-    pub fn open(&self, bus: &BusOptions) -> Result<Option<Dashboard>, BusError> {
+    pub fn open(&self, bus: &BusSettings) -> Result<Option<Dashboard>, BusError> {
         if !self.tui {
             return Ok(None);
         }
-        let settings = bus.settings().map_err(|error| BusError::Settings(error.to_string()))?;
-        let place = format!("{} over {}", settings.session, settings.kind.name());
+        let place = format!("{} over {}", bus.session, bus.kind.name());
         let dashboard = Dashboard::open(place).map_err(|error| {
             BusError::Transport(format!("--tui: no terminal to draw on: {error}"))
         })?;

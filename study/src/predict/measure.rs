@@ -5,14 +5,14 @@ use std::time::Duration;
 use mtj_model::scenario::{Override, Scenario, duration};
 use mtj_plant::trace::Row;
 
-use crate::{experiment, failure::Failure};
+use crate::{error::StudyError, experiment};
 
 /// How far apart two runs begin, rad: small against every error, large against rounding.
 const DISTURBANCE: f64 = 1e-7;
 
 /// How fast a small disturbance grows over the second half of a run, as a factor a sample; the run and
 /// its twin, which begins a little beside it, are simulated in full. `None` if one of them diverged.
-pub fn growth(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Option<f64>, Failure> {
+pub fn growth(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Option<f64>, StudyError> {
     let position = scenario.arm.position[0] + DISTURBANCE;
     let beside = Override::value("arm.position[0]", position.into());
     let twin = Scenario::parse(&scenario.name, scenario.text(), &[beside])?;
@@ -34,8 +34,8 @@ pub fn largest_latency(
     guess: f64,
     most: f64,
     proceed: &dyn Fn() -> bool,
-) -> Result<Option<f64>, Failure> {
-    let is_stable = |latency: f64| -> Result<bool, Failure> {
+) -> Result<Option<f64>, StudyError> {
+    let is_stable = |latency: f64| -> Result<bool, StudyError> {
         let latency = duration::format(Duration::from_nanos((latency * 1e9) as u64));
         let set = [Override::text("link.torque.latency", &latency)];
         let scenario = Scenario::parse(&scenario.name, scenario.text(), &set)?;

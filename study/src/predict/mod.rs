@@ -16,7 +16,7 @@ use mtj_model::{
     scenario::{Override, Scenario},
 };
 
-use crate::{failure::Failure, sweep::plan::Plan};
+use crate::{error::StudyError, sweep::plan::Plan};
 use linear::LinearLoop;
 use path::Masses;
 
@@ -49,7 +49,7 @@ pub fn factor(scenario: &Scenario) -> Option<f64> {
 }
 
 /// The scenario with its regulating factor held constant at [`factor`].
-fn with_constant_factor(scenario: &Scenario) -> Result<Scenario, Failure> {
+fn with_constant_factor(scenario: &Scenario) -> Result<Scenario, StudyError> {
     let Some(k) = factor(scenario) else { return Ok(scenario.clone()) };
     let set = [
         Override::text("law.factor.kind", "constant"),
@@ -62,7 +62,7 @@ fn with_constant_factor(scenario: &Scenario) -> Result<Scenario, Failure> {
 pub fn linear_loop<const M: usize>(
     scenario: &Scenario,
     mass: f64,
-) -> Result<LinearLoop<M>, Failure> {
+) -> Result<LinearLoop<M>, StudyError> {
     let settings = with_constant_factor(scenario)?.law;
     Ok(LinearLoop {
         law: settings.law.lift::<f64, M>(),
@@ -76,7 +76,7 @@ pub fn linear_loop<const M: usize>(
 }
 
 /// Predicts the largest latency: the least over the range of effective masses.
-pub fn predict(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Prediction, Failure> {
+pub fn predict(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Prediction, StudyError> {
     predict_up_to(scenario, MOST, proceed)
 }
 
@@ -85,7 +85,7 @@ pub fn predict_up_to(
     scenario: &Scenario,
     most: f64,
     proceed: &dyn Fn() -> bool,
-) -> Result<Prediction, Failure> {
+) -> Result<Prediction, StudyError> {
     let masses = path::masses(&without_latency(scenario)?, proceed)?;
     let mut latency = Some(most);
     for mass in [masses.least, masses.most] {
@@ -103,14 +103,14 @@ pub fn measure(
     scenario: &Scenario,
     predicted: Option<f64>,
     proceed: &dyn Fn() -> bool,
-) -> Result<Option<f64>, Failure> {
+) -> Result<Option<f64>, StudyError> {
     let constant = with_constant_factor(scenario)?;
     let guess = predicted.unwrap_or(scenario.timing.sample_period.as_secs_f64() / 10.0);
     measure::largest_latency(&without_latency(&constant)?, guess, MOST, proceed)
 }
 
 /// The scenarios of a plan with its latency axis left out, each with the labels of its positions.
-pub fn scenarios(plan: &Plan) -> Result<Vec<(Vec<String>, Scenario)>, Failure> {
+pub fn scenarios(plan: &Plan) -> Result<Vec<(Vec<String>, Scenario)>, StudyError> {
     let mut plan = plan.clone();
     let is_latency = |set: &Override| LATENCY_KEYS.contains(&set.path());
     plan.axes
@@ -123,7 +123,7 @@ pub fn scenarios(plan: &Plan) -> Result<Vec<(Vec<String>, Scenario)>, Failure> {
         .collect()
 }
 
-fn without_latency(scenario: &Scenario) -> Result<Scenario, Failure> {
+fn without_latency(scenario: &Scenario) -> Result<Scenario, StudyError> {
     let set = LATENCY_KEYS.map(|key| Override::text(key, "0 s"));
     Ok(Scenario::parse(&scenario.name, scenario.text(), &set)?)
 }

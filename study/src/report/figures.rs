@@ -1,17 +1,16 @@
 //! A study's figures.
 
+use mtj_figure::{
+    heatmap::{HeatCell, HeatMap, HeatMaps},
+    trend::{TrendPanel, Trends},
+};
+
 use super::{
     cells::{Cell, measures},
     layout::{self, Layout},
     limits::Limits,
 };
-use crate::{
-    figure::{
-        heatmap::{HeatCell, HeatMap, HeatMaps},
-        trend::{TrendPanel, Trends},
-    },
-    sweep::plan::Plan,
-};
+use crate::sweep::plan::Plan;
 
 /// What the measures are called and how they are shown: column, name with unit, factor.
 pub const SHOWN: [(&str, &str, f64); 5] = [

@@ -1,9 +1,9 @@
 //! Which axis of a study is drawn how.
 
+use mtj_figure::scale::{Scale, short};
 use serde::Serialize;
 
 use crate::{
-    figure::scale::{Scale, short},
     predict::LATENCY_KEYS,
     sweep::{axis::Axis, plan::Plan},
 };

@@ -10,7 +10,7 @@ use std::{
 };
 
 use super::{cells, layout::Layout};
-use crate::{failure::Failure, predict, sweep::plan::Plan};
+use crate::{error::StudyError, predict, sweep::plan::Plan};
 
 /// For each panel and position on the horizontal axis the limit, s; `None` where the loop is not
 /// stable even without latency, or where the limit lies well above the map.
@@ -21,7 +21,7 @@ pub fn predict(
     plan: &Plan,
     layout: &Layout,
     proceed: &(dyn Fn() -> bool + Sync),
-) -> Result<Limits, Failure> {
+) -> Result<Limits, StudyError> {
     if !layout.has_limits(plan) {
         return Ok(Limits::new());
     }
@@ -33,7 +33,7 @@ pub fn predict(
     let most = (1.25 * top).min(predict::MOST);
     let next = AtomicUsize::new(0);
     let limits = Mutex::new(vec![vec![None; columns]; panels.len()]);
-    let work = || -> Result<(), Failure> {
+    let work = || -> Result<(), StudyError> {
         while proceed() {
             let task = next.fetch_add(1, Ordering::Relaxed);
             let Some((panel, _)) = panels.get(task / columns) else { break };
@@ -53,9 +53,9 @@ pub fn predict(
     let threads = thread::available_parallelism().map_or(1, NonZero::get);
     thread::scope(|scope| {
         let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-        workers.into_iter().try_for_each(|worker| {
-            worker.join().unwrap_or_else(|_| Err(Failure::from("a thread panicked".to_owned())))
-        })
+        workers
+            .into_iter()
+            .try_for_each(|worker| worker.join().unwrap_or(Err(StudyError::Panicked)))
     })?;
     Ok(limits.into_inner().unwrap_or_else(PoisonError::into_inner))
 }

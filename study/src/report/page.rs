@@ -1,5 +1,6 @@
 //! The page: a template, styles and a script of ours, and the data as JSON.
 
+use mtj_figure::{colormap::viridis, trend::COLORS};
 use serde_json::{Value, json};
 
 use super::{
@@ -8,11 +9,7 @@ use super::{
     layout::{self, Layout},
     limits::Limits,
 };
-use crate::{
-    figure::colormap::viridis,
-    figure::trend::COLORS,
-    sweep::plan::{Plan, flags},
-};
+use crate::sweep::plan::{Plan, flags};
 
 const TEMPLATE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");

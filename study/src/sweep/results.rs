@@ -10,6 +10,7 @@ use std::{
 use mtj_plant::report::Report;
 
 use super::plan::Plan;
+use crate::error::StudyError;
 
 /// The measures of a point, in the order of their columns.
 pub const MEASURES: [&str; 12] = [
@@ -28,7 +29,7 @@ pub const MEASURES: [&str; 12] = [
 ];
 
 /// What came of one point: its measures, or why it could not be run.
-pub type Measured = Result<Report, String>;
+pub type Measured = Result<Report, StudyError>;
 
 /// One row: the point's number, its positions, its measures, as text.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -75,7 +76,7 @@ pub fn row(plan: &Plan, point: usize, measured: &Measured) -> Row {
         }
         Err(error) => {
             let mut fields = <[String; MEASURES.len()]>::default();
-            fields[MEASURES.len() - 1] = error.replace('\n', " ");
+            fields[MEASURES.len() - 1] = error.to_string().replace('\n', " ");
             fields
         }
     };
@@ -135,14 +136,9 @@ pub struct Results {
 impl Results {
     /// Opens a folder for a study, creating it if need be, and takes up the rows that are there. A row
     /// that an interruption has cut short is removed.
-    pub fn open(folder: &Path, plan: &Plan, shard: Shard) -> Result<Self, String> {
-        let say = |path: &Path| {
-            let path = path.display().to_string();
-            move |error: io::Error| format!("{path}: {error}")
-        };
-        fs::create_dir_all(folder).map_err(|error| {
-            format!("--out {}: {error}; give a folder that can be written", folder.display())
-        })?;
+    pub fn open(folder: &Path, plan: &Plan, shard: Shard) -> Result<Self, StudyError> {
+        fs::create_dir_all(folder)
+            .map_err(|source| StudyError::Folder { folder: folder.to_owned(), source })?;
         claim(folder, plan)?;
         let path = folder.join(shard.file_name());
         let columns = columns(plan);
@@ -150,18 +146,18 @@ impl Results {
         let text = match fs::read(&path) {
             Ok(text) => text,
             Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
-            Err(error) => return Err(say(&path)(error)),
+            Err(error) => return Err(at(&path)(error)),
         };
         let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
         for row in read_rows(&path, &text[..whole], &columns)? {
             done.insert(row.point, row);
         }
-        let file = OpenOptions::new().create(true).append(true).open(&path).map_err(say(&path))?;
-        file.set_len(whole as u64).map_err(say(&path))?;
+        let file = OpenOptions::new().create(true).append(true).open(&path).map_err(at(&path))?;
+        file.set_len(whole as u64).map_err(at(&path))?;
         let mut results = Self { path, file, done, columns };
         if whole == 0 {
             let header = results.columns.clone();
-            results.append(&header).map_err(say(&results.path))?;
+            results.append(&header).map_err(at(&results.path))?;
         }
         Ok(results)
     }
@@ -182,19 +178,15 @@ impl Results {
     }
 
     /// Appends a row, in one write, so that an interruption leaves at most one row cut short.
-    pub fn push(&mut self, row: Row) -> Result<(), String> {
-        self.append(&row.fields).map_err(|error| {
-            format!(
-                "{}: {error}; make room and run the same command again to go on",
-                self.path.display()
-            )
-        })?;
+    pub fn push(&mut self, row: Row) -> Result<(), StudyError> {
+        self.append(&row.fields)
+            .map_err(|source| StudyError::Append { path: self.path.clone(), source })?;
         self.done.insert(row.point, row);
         Ok(())
     }
 
     /// Puts the rows in order, once all are there.
-    pub fn sort(self) -> Result<(), String> {
+    pub fn sort(self) -> Result<(), StudyError> {
         write_sorted(&self.path, &self.columns, self.done.values())
     }
 
@@ -203,49 +195,44 @@ impl Results {
     }
 }
 
+/// A file that could not be read or written.
+fn at(path: &Path) -> impl FnOnce(io::Error) -> StudyError + use<> {
+    let path = path.to_owned();
+    |source| StudyError::File { path, source }
+}
+
 /// Notes in the folder which study it holds, or checks that it is this one.
-fn claim(folder: &Path, plan: &Plan) -> Result<(), String> {
+fn claim(folder: &Path, plan: &Plan) -> Result<(), StudyError> {
     let path = folder.join("study.toml");
     let identity = plan.identity();
     match fs::read_to_string(&path) {
         Ok(text) if text == identity => Ok(()),
-        Ok(_) => Err(format!(
-            "{} holds the results of another study; choose another folder with --out",
-            folder.display()
-        )),
+        Ok(_) => Err(StudyError::OtherStudy { folder: folder.to_owned() }),
         Err(_) => {
             let new = folder.join(format!("study.toml.{}", std::process::id()));
-            fs::write(&new, identity)
-                .and_then(|()| fs::rename(&new, &path))
-                .map_err(|error| format!("{}: {error}", path.display()))
+            fs::write(&new, identity).and_then(|()| fs::rename(&new, &path)).map_err(at(&path))
         }
     }
 }
 
 /// Joins the results of shards, whatever folders they are in, into one file in the first; returns the
 /// numbers of the points that are missing.
-pub fn merge(folders: &[PathBuf], plan: &Plan) -> Result<Vec<usize>, String> {
+pub fn merge(folders: &[PathBuf], plan: &Plan) -> Result<Vec<usize>, StudyError> {
     let columns = columns(plan);
     let mut rows = BTreeMap::new();
     for folder in folders {
         claim(folder, plan)?;
-        let entries =
-            fs::read_dir(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        let entries = fs::read_dir(folder).map_err(at(folder))?;
         for path in entries.flatten().map(|entry| entry.path()) {
             let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
             if name.starts_with("results") && name.ends_with(".csv") {
-                let text =
-                    fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+                let text = fs::read(&path).map_err(at(&path))?;
                 let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
                 for row in read_rows(&path, &text[..whole], &columns)? {
                     if let Some(other) = rows.get(&row.point)
                         && *other != row
                     {
-                        return Err(format!(
-                            "point {} has two different results, one in {}",
-                            row.point,
-                            path.display()
-                        ));
+                        return Err(StudyError::TwoResults { point: row.point, path });
                     }
                     rows.insert(row.point, row);
                 }
@@ -258,20 +245,20 @@ pub fn merge(folders: &[PathBuf], plan: &Plan) -> Result<Vec<usize>, String> {
 }
 
 /// The rows of a folder's merged results, in order.
-pub fn read(folder: &Path, plan: &Plan) -> Result<Vec<Row>, String> {
+pub fn read(folder: &Path, plan: &Plan) -> Result<Vec<Row>, StudyError> {
     let path = folder.join(Shard::ALL.file_name());
-    let text = fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let text = fs::read(&path).map_err(at(&path))?;
     let mut rows = read_rows(&path, &text, &columns(plan))?;
     rows.sort_by_key(|row| row.point);
     Ok(rows)
 }
 
-fn read_rows(path: &Path, text: &[u8], columns: &[String]) -> Result<Vec<Row>, String> {
+fn read_rows(path: &Path, text: &[u8], columns: &[String]) -> Result<Vec<Row>, StudyError> {
     let mut reader = csv::ReaderBuilder::new().has_headers(false).from_reader(text);
     let mut rows = Vec::new();
     for (number, record) in reader.records().enumerate() {
         let fields: Vec<String> = record
-            .map_err(|error| format!("{}: {error}", path.display()))?
+            .map_err(|source| StudyError::Csv { path: path.to_owned(), source })?
             .iter()
             .map(str::to_owned)
             .collect();
@@ -284,11 +271,7 @@ fn read_rows(path: &Path, text: &[u8], columns: &[String]) -> Result<Vec<Row>, S
                 rows.push(Row { point, fields })
             }
             _ => {
-                return Err(format!(
-                    "{}, line {}: not a row of this study",
-                    path.display(),
-                    number + 1
-                ));
+                return Err(StudyError::NotARow { path: path.to_owned(), line: number + 1 });
             }
         }
     }
@@ -299,7 +282,7 @@ fn write_sorted<'a>(
     path: &Path,
     columns: &[String],
     rows: impl Iterator<Item = &'a Row>,
-) -> Result<(), String> {
+) -> Result<(), StudyError> {
     let new = path.with_extension(format!("{}.new", std::process::id()));
     let write = || -> io::Result<()> {
         let mut text = line(columns)?;
@@ -309,7 +292,7 @@ fn write_sorted<'a>(
         fs::write(&new, text)?;
         fs::rename(&new, path)
     };
-    write().map_err(|error| format!("{}: {error}", path.display()))
+    write().map_err(at(path))
 }
 
 fn line(fields: &[String]) -> io::Result<Vec<u8>> {

@@ -10,14 +10,15 @@ use std::{
 };
 
 use indicatif::{ProgressBar, ProgressStyle};
-use mtj_model::scenario::ScenarioError;
+use mtj_model::scenario::Scenario;
+use mtj_plant::plant::Outcome;
 
 use super::{
     lanes,
     plan::Plan,
     results::{self, Measured, Results, Row, Shard},
 };
-use crate::session::Session;
+use crate::error::StudyError;
 
 /// How many points a thread takes at a time: enough to fill its lanes again and again, and few enough
 /// that the threads end together.
@@ -31,7 +32,7 @@ pub fn run_in_process(
     shard: Shard,
     threads: usize,
     proceed: &(dyn Fn() -> bool + Sync),
-) -> Result<bool, String> {
+) -> Result<bool, StudyError> {
     let todo = todo(plan, results, shard);
     let bar = progress(plan, results, &todo);
     let in_lanes =
@@ -76,23 +77,23 @@ pub fn run_in_process(
     Ok(todo.iter().all(|point| results.has(*point)))
 }
 
-/// Computes the points of a shard that have no row yet over a real bus, one after the other.
-pub fn run_over_bus(
+/// Computes the points of a shard that have no row yet, one after the other, as `run` does: over a real bus.
+/// `run` returns nothing if it was asked to stop.
+pub fn run_one_by_one(
     plan: &Plan,
     results: &mut Results,
     shard: Shard,
-    session: &mut Session,
-    proceed: &dyn Fn() -> bool,
-) -> Result<bool, String> {
+    run: &mut dyn FnMut(&Scenario) -> Result<Option<Outcome>, StudyError>,
+) -> Result<bool, StudyError> {
     let todo = todo(plan, results, shard);
     let bar = progress(plan, results, &todo);
     for point in &todo {
         let measured = match plan.scenario(*point) {
-            Err(error) => Err(error.to_string()),
-            Ok(scenario) => match session.run(&scenario, proceed) {
+            Err(error) => Err(error.into()),
+            Ok(scenario) => match run(&scenario) {
                 Ok(Some(outcome)) => Ok(outcome.report),
                 Ok(None) => break,
-                Err(error) => Err(error.to_string()),
+                Err(error) => Err(error),
             },
         };
         results.push(results::row(plan, *point, &measured))?;
@@ -117,7 +118,7 @@ pub fn measure(
                 numbers.push(*point);
                 scenarios.push(scenario);
             }
-            Err(error) => hand_in(*point, Err(ScenarioError::to_string(&error))),
+            Err(error) => hand_in(*point, Err(error.into())),
         }
     }
     lanes::measure(&scenarios, proceed, &mut |number, measured| {

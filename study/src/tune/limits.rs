@@ -16,7 +16,7 @@ use super::{
     verify,
 };
 use crate::{
-    failure::Failure,
+    error::StudyError,
     predict::{TRUST, linear::LinearLoop, path},
 };
 
@@ -69,7 +69,7 @@ impl Bound<String> {
 pub fn motion(
     scenario: &Scenario,
     proceed: &dyn Fn() -> bool,
-) -> Result<verify::Verification, Failure> {
+) -> Result<verify::Verification, StudyError> {
     let none = Wanted {
         time_constant_s: 1.0,
         torque_limit_nm: Vec::new(),
@@ -93,7 +93,7 @@ impl Arm {
         scenario: &Scenario,
         wanted: &Wanted,
         proceed: &dyn Fn() -> bool,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, StudyError> {
         let still = trial(scenario, wanted, 0.0, &[])?;
         let masses = path::masses(&still, proceed)?;
         let motion = motion(scenario, proceed)?;
@@ -112,17 +112,14 @@ impl Arm {
     }
 
     /// Refuses a torque limit that the motion itself exceeds, whatever the law.
-    pub fn check_motion(&self, wanted: &Wanted) -> Result<(), Failure> {
+    pub fn check_motion(&self, wanted: &Wanted) -> Result<(), StudyError> {
         if !self.motion_is_exact {
             return Ok(());
         }
         let pairs = self.motion_torque.iter().zip(&wanted.torque_limit_nm);
         for (joint, (needed, limit)) in (1..).zip(pairs) {
             if needed > limit {
-                return Err(Failure::from(format!(
-                    "no gains satisfy the torque limit: the motion itself takes {needed:.3} N m at \
-                     joint {joint}, the limit is {limit} N m"
-                )));
+                return Err(StudyError::TorqueLimit { joint, needed: *needed, limit: *limit });
             }
         }
         Ok(())

@@ -16,7 +16,7 @@ use mtj_plant::link::{Direction, Link};
 use serde::Serialize;
 use std::{ops::Range, time::Duration};
 
-use crate::failure::Failure;
+use crate::error::StudyError;
 use limits::Arm;
 use search::Candidate;
 pub use values::Values;
@@ -74,7 +74,7 @@ pub fn trial(
     wanted: &Wanted,
     multiple: f64,
     set: &[Override],
-) -> Result<Scenario, Failure> {
+) -> Result<Scenario, StudyError> {
     let mut all = vec![
         Override::text("timing.clock", "lockstep"),
         Override::value("safety.torque_limit", 1e9.into()),
@@ -92,7 +92,7 @@ pub fn trials(
     multiple: f64,
     set: &[Override],
     starts: Range<usize>,
-) -> Result<Vec<Scenario>, Failure> {
+) -> Result<Vec<Scenario>, StudyError> {
     starts
         .map(|start| {
             let mut set = set.to_vec();
@@ -131,8 +131,8 @@ pub fn links(scenario: &Scenario, wanted: &Wanted, multiple: f64) -> Vec<Overrid
 }
 
 /// The mean latency of a scenario's links, both directions together, s.
-pub fn mean_latency(scenario: &Scenario) -> Result<f64, Failure> {
-    let mean = |settings, direction| -> Result<f64, Failure> {
+pub fn mean_latency(scenario: &Scenario) -> Result<f64, StudyError> {
+    let mean = |settings, direction| -> Result<f64, StudyError> {
         let mut link = Link::new(settings, direction, scenario.seed)?;
         let arrived: Vec<f64> = (0..DRAWS)
             .filter_map(|_| link.transit_ns())
@@ -149,7 +149,7 @@ pub fn propose(
     scenario: &Scenario,
     wanted: &Wanted,
     proceed: &dyn Fn() -> bool,
-) -> Result<Proposal, Failure> {
+) -> Result<Proposal, StudyError> {
     let arm = Arm::of(scenario, wanted, proceed)?;
     arm.check_motion(wanted)?;
     let as_it_stands = verify::run(&trials(scenario, wanted, 1.0, &[], 0..STARTS)?, proceed)?;
@@ -157,11 +157,10 @@ pub fn propose(
     let candidates = search::candidates(&arm, wanted, &mut given_up);
     let best = search::best(scenario, wanted, &arm, candidates, &mut given_up, proceed)?;
     let Some((Candidate { values, bound }, verified, with_margin)) = best else {
-        return Err(Failure::from(format!(
-            "none of the gains tried with K_d/K_p = {} s satisfies all limits; in the way at the last: {}",
-            wanted.time_constant_s,
-            given_up.last().map_or("nothing", String::as_str)
-        )));
+        return Err(StudyError::NoGains {
+            time_constant_s: wanted.time_constant_s,
+            limit: given_up.pop().unwrap_or_else(|| "nothing".to_owned()),
+        });
     };
     Ok(Proposal {
         gain_reason: bound.reason_for(values.kd),

@@ -14,7 +14,7 @@ use super::{
     values::{Remedy, THRESHOLDS, Values, remedies, round, round_down},
     verify::{self, Verification},
 };
-use crate::{failure::Failure, sweep::lanes};
+use crate::{error::StudyError, sweep::lanes};
 
 /// K_d is lowered by this factor from try to try.
 const LOWER: f64 = 0.85;
@@ -94,7 +94,7 @@ pub fn best(
     candidates: Vec<Candidate>,
     given_up: &mut Vec<String>,
     proceed: &dyn Fn() -> bool,
-) -> Result<Option<(Candidate, Verification, Verification)>, Failure> {
+) -> Result<Option<(Candidate, Verification, Verification)>, StudyError> {
     let rank = |candidates, starts| rank(scenario, wanted, candidates, starts, proceed);
     let first = candidates.first().cloned();
     let finalists = rank(candidates, 0..1)?.into_iter().take(FINALISTS);
@@ -143,7 +143,7 @@ fn rank(
     candidates: Vec<Candidate>,
     starts: Range<usize>,
     proceed: &dyn Fn() -> bool,
-) -> Result<Vec<(f64, Candidate)>, Failure> {
+) -> Result<Vec<(f64, Candidate)>, StudyError> {
     let auto = Override::text("timing.integration_step", "auto");
     let mut scenarios = Vec::new();
     for candidate in &candidates {
@@ -175,9 +175,9 @@ fn rank(
 }
 
 /// Whether to go on.
-fn check(proceed: &dyn Fn() -> bool) -> Result<(), Failure> {
+fn check(proceed: &dyn Fn() -> bool) -> Result<(), StudyError> {
     if proceed() {
         return Ok(());
     }
-    Err(Failure::from("stopped before a proposal was verified".to_owned()))
+    Err(StudyError::Stopped("a proposal was verified"))
 }

@@ -5,7 +5,7 @@ use mtj_plant::trace::Row;
 use serde::Serialize;
 
 use super::Wanted;
-use crate::{experiment, failure::Failure};
+use crate::{error::StudyError, experiment};
 
 /// The measures of simulations that differ in their start, the first from the scenario's own.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -42,7 +42,7 @@ struct Run {
 const GROWTH: f64 = 1.5;
 
 /// Runs a scenario in lockstep from each of its starts.
-pub fn run(starts: &[Scenario], proceed: &dyn Fn() -> bool) -> Result<Verification, Failure> {
+pub fn run(starts: &[Scenario], proceed: &dyn Fn() -> bool) -> Result<Verification, StudyError> {
     let runs =
         starts.iter().map(|start| simulate(start, proceed)).collect::<Result<Vec<_>, _>>()?;
     let sorted = |of: fn(&Run) -> f64| {
@@ -68,7 +68,7 @@ pub fn run(starts: &[Scenario], proceed: &dyn Fn() -> bool) -> Result<Verificati
     })
 }
 
-fn simulate(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Run, Failure> {
+fn simulate(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Run, StudyError> {
     let run = experiment::run_direct(scenario, true, proceed)?;
     let rows = &run.trace;
     let half = &rows[rows.len() / 2..];

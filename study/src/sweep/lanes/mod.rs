@@ -106,7 +106,7 @@ pub fn reference(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Option<Meas
     match experiment::run_direct(scenario, false, proceed) {
         Ok(outcome) if outcome.interrupted => None,
         Ok(outcome) => Some(Ok(outcome.report)),
-        Err(error) => Some(Err(error.to_string())),
+        Err(error) => Some(Err(error.into())),
     }
 }
 

@@ -1,0 +1,17 @@
+//! What the programs of `mtj` share: options of the command line, and logs on standard error.
+//!
+//! Each role shows only the options that apply to it:
+//!
+//! | options | for |
+//! |---|---|
+//! | [`SessionOptions`] | everybody: which loop on which bus |
+//! | [`JoinOptions`] | those who connect to a plant |
+//! | [`BusOptions`] | those who run a plant: it listens, and says how the loop waits |
+//! | [`RealtimeOptions`] | both ends of a loop |
+
+mod bus;
+pub mod log;
+mod realtime;
+
+pub use bus::{BusOptions, JoinOptions, SessionOptions};
+pub use realtime::RealtimeOptions;

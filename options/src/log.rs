@@ -1,0 +1,71 @@
+//! Logs on standard error: `mtj plant: waiting for a controller`.
+
+use std::{env, fmt, io};
+
+use tracing::{
+    Event, Level, Subscriber,
+    field::{Field, Visit},
+};
+use tracing_subscriber::{
+    Layer,
+    filter::Targets,
+    fmt::{FmtContext, FormatEvent, FormatFields, format::Writer},
+    layer::SubscriberExt,
+    registry::LookupSpan,
+    util::SubscriberInitExt,
+};
+
+/// The variable that asks for more, or less: `MTJ_LOG=debug`, or `MTJ_LOG=info,zenoh=warn`.
+const VARIABLE: &str = "MTJ_LOG";
+
+/// From now on what the libraries have to say is written to standard error, after the program's name.
+pub fn to_standard_error(program: &'static str) {
+    let lines = tracing_subscriber::fmt::layer()
+        .event_format(Sentence { program })
+        .with_writer(io::stderr)
+        .with_filter(filter());
+    // A program that has a subscriber already keeps it.
+    let _ = tracing_subscriber::registry().with(lines).try_init();
+}
+
+/// What is worth a line: of `mtj`, all but details; of other libraries nothing unless asked for.
+pub fn filter() -> Targets {
+    let asked = env::var(VARIABLE).ok().and_then(|text| text.parse().ok());
+    asked.unwrap_or_else(|| Targets::new().with_target("mtj", Level::INFO))
+}
+
+/// An event as one line: the program's name, and the message.
+struct Sentence {
+    program: &'static str,
+}
+
+impl<S, N> FormatEvent<S, N> for Sentence
+where
+    S: Subscriber + for<'a> LookupSpan<'a>,
+    N: for<'a> FormatFields<'a> + 'static,
+{
+    fn format_event(
+        &self,
+        _context: &FmtContext<'_, S, N>,
+        mut writer: Writer<'_>,
+        event: &Event<'_>,
+    ) -> fmt::Result {
+        let mut message = Message::default();
+        event.record(&mut message);
+        writeln!(writer, "{}: {}", self.program, message.0)
+    }
+}
+
+/// The text of an event, with fields behind it.
+#[derive(Default)]
+struct Message(String);
+
+impl Visit for Message {
+    fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
+        use fmt::Write;
+        let _ = match field.name() {
+            "message" => write!(self.0, "{value:?}"),
+            name => write!(self.0, " {name}={value:?}"),
+        };
+    }
+}

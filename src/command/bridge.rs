@@ -1,0 +1,158 @@
+//! `mtj bridge`: a loop on one bus, heard on another.
+
+use std::{
+    io::{Write, stdout},
+    thread,
+    time::{Duration, Instant},
+};
+
+use clap::Args;
+use mtj_model::scenario::BusSettings;
+use mtj_options::{BusOptions, SessionOptions};
+use mtj_protocol::{
+    bus::Bus,
+    member::{Member, Role},
+    port::{Bridge, Traffic},
+    shutdown::Shutdown,
+    transport::AnyBus,
+};
+
+use crate::failure::Failure;
+
+/// How long a sample may lie before it is carried over.
+const PERIOD: Duration = Duration::from_millis(1);
+
+/// Carry what is said on one bus over to another: the loop stays on shared memory, monitors are elsewhere
+#[derive(Args, Debug)]
+pub struct BridgeCommand {
+    /// The bus the loop is on
+    #[arg(long, value_name = "KIND", default_value = "iceoryx2")]
+    from: String,
+    /// The bus it is to be heard on
+    #[arg(long, value_name = "KIND", default_value = "zenoh")]
+    to: String,
+    /// Let nobody beyond the bridge turn knobs
+    #[arg(long)]
+    read_only: bool,
+    #[command(flatten)]
+    bus: BusOptions,
+}
+
+impl BridgeCommand {
+    /// Carries until asked to stop.
+    pub fn run(self) -> Result<(), Failure> {
+        let (from, to) = self.sides()?;
+        let shutdown = Shutdown::on_signals();
+        let proceed = || shutdown.proceed();
+        // Those beyond connect to the bridge as they do to a plant; here it listens, and hands in requests.
+        let role = if self.read_only { Role::Monitor } else { Role::Operator };
+        let Some(far) = AnyBus::stand_in(&to, &proceed)? else { return Ok(()) };
+        let Some(near) = AnyBus::open(&from, role, &proceed)? else { return Ok(()) };
+        let mut bridge = Bridge::open(&near, &far, self.read_only)?;
+        say(&format!(
+            "mtj bridge: session '{}' from {} to {}; Ctrl-C ends the bridge, and nothing else",
+            from.session, self.from, self.to
+        ));
+        let mut log = Log::new();
+        while proceed() {
+            bridge.carry()?;
+            log.refresh(&bridge);
+            thread::sleep(PERIOD);
+        }
+        log.end(&bridge.traffic());
+        Ok(())
+    }
+
+    /// The two buses.
+    fn sides(&self) -> Result<(BusSettings, BusSettings), Failure> {
+        if self.bus.session.bus.is_some() {
+            return Err(Failure::bad_input(
+                "--bus: a bridge is on two of them; name them with --from and --to",
+            ));
+        }
+        let side = |kind: &String| {
+            let bus = Some(kind.clone());
+            let session = SessionOptions { bus, ..self.bus.session.clone() };
+            BusOptions { session, ..self.bus.clone() }.settings()
+        };
+        let (from, to) = (side(&self.from)?, side(&self.to)?);
+        if from.kind == to.kind {
+            return Err(Failure::bad_input(format!(
+                "--from {} --to {}: a bridge needs two different buses, like --from iceoryx2 --to zenoh",
+                self.from, self.to
+            )));
+        }
+        Ok((from, to))
+    }
+}
+
+/// Says once a second how it goes.
+struct Log {
+    before: Traffic,
+    is_missing: bool,
+    next: Instant,
+}
+
+const SECOND: Duration = Duration::from_secs(1);
+
+impl Log {
+    fn new() -> Self {
+        Self { before: Traffic::default(), is_missing: false, next: Instant::now() + SECOND }
+    }
+
+    fn refresh<N: Bus, F: Bus>(&mut self, bridge: &Bridge<'_, N, F>) {
+        if Instant::now() < self.next {
+            return;
+        }
+        self.next = Instant::now() + SECOND;
+        let traffic = bridge.traffic();
+        let missed = traffic.missed - self.before.missed;
+        if missed > 0 && !self.is_missing {
+            tracing::warn!(
+                "{missed} states were gone before they could be carried over: the bridge gets \
+                 too little time on this machine (said when it begins, counted always)"
+            );
+        }
+        self.is_missing = missed > 0;
+        say(&format!(
+            "{:6} samples/s  requests {}  missed {}  malformed {}  here: {}",
+            traffic.over - self.before.over,
+            traffic.back,
+            traffic.missed,
+            traffic.malformed,
+            company(bridge.members())
+        ));
+        self.before = traffic;
+    }
+
+    fn end(&self, traffic: &Traffic) {
+        let Traffic { over, back, missed, malformed } = traffic;
+        say(&format!(
+            "mtj bridge: carried {over} samples over and {back} requests back; {missed} states missed, \
+             {malformed} messages malformed"
+        ));
+    }
+}
+
+/// Whether anybody reads it or not.
+fn say(line: &str) {
+    let _ = writeln!(stdout(), "{line}");
+}
+
+/// Who takes part, in words.
+fn company<'a>(members: impl Iterator<Item = &'a Member>) -> String {
+    let (mut plants, mut controllers) = (0, 0);
+    for member in members {
+        match member.role {
+            Role::Plant => plants += 1,
+            Role::Controller => controllers += 1,
+            _ => {}
+        }
+    }
+    let plant = if plants > 0 { "a plant" } else { "no plant" };
+    match controllers {
+        0 => format!("{plant}, no controller"),
+        1 => format!("{plant}, a controller"),
+        _ => format!("{plant}, {controllers} controllers"),
+    }
+}

@@ -1,0 +1,77 @@
+//! `mtj scenario`: the built-in experiments, and checking one's own.
+
+use std::io::{self, Write};
+
+use clap::{Args, Subcommand};
+use mtj_model::scenario::BUILT_IN;
+
+use crate::{failure::Failure, options::scenario::ScenarioOptions};
+
+/// List, show or check scenarios
+#[derive(Args, Debug)]
+pub struct ScenarioCommand {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// Print the names of the built-in scenarios
+    List,
+    /// Print a scenario as TOML, with everything set that was asked for
+    Show(Named),
+    /// Say whether a scenario is acceptable
+    Check(Named),
+}
+
+#[derive(Args, Debug)]
+struct Named {
+    /// Built-in name or TOML file
+    name: Option<String>,
+    #[command(flatten)]
+    options: ScenarioOptions,
+}
+
+impl Named {
+    fn load(mut self) -> Result<mtj_model::scenario::Scenario, Failure> {
+        if let Some(name) = self.name {
+            self.options.scenario = name;
+        }
+        Ok(self.options.load()?)
+    }
+}
+
+impl ScenarioCommand {
+    /// Prints to standard output.
+    pub fn run(self) -> Result<(), Failure> {
+        let mut out = io::stdout().lock();
+        match self.action {
+            Action::List => {
+                for (name, text) in BUILT_IN {
+                    writeln!(out, "{name:<25} {}", summary(text))?;
+                }
+            }
+            Action::Show(named) => write!(out, "{}", named.load()?.text())?,
+            Action::Check(named) => writeln!(out, "{}: acceptable", named.load()?.name)?,
+        }
+        Ok(())
+    }
+}
+
+/// The first paragraph of the comment that a scenario's file begins with.
+fn summary(text: &str) -> String {
+    text.lines().map_while(|line| line.strip_prefix("# ")).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_list_has_whole_sentences() {
+        for (name, text) in BUILT_IN {
+            let summary = summary(text);
+            assert!(summary.ends_with('.') && !summary.contains('\n'), "{name}: {summary}");
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! `mtj study`: sweeps.
+
+use std::{
+    io::{self, Write},
+    num::NonZero,
+    path::PathBuf,
+    thread,
+};
+
+use clap::{Args, Subcommand};
+use mtj_model::scenario::{BusKind, Override, Scenario};
+use mtj_options::BusOptions;
+use mtj_protocol::shutdown::Shutdown;
+use mtj_study::sweep::{
+    builtin::BUILT_IN,
+    plan::Plan,
+    results::{self, Results, Shard},
+    runner,
+};
+
+use super::{predict::Predict, report::ReportStudy, which::Which};
+use crate::{
+    failure::Failure,
+    options::{realtime::LoopRealtime, scenario::ScenarioOptions},
+    session::Session,
+};
+
+/// Sweep a scenario over any of its keys
+#[derive(Args, Debug)]
+pub struct StudyCommand {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// Print the names of the built-in studies
+    List,
+    /// Print a study as TOML
+    Show(Which),
+    /// Compute a study's points; run again to go on after an interruption
+    Run(Box<RunStudy>),
+    /// Join the results of shards and say what is missing
+    Merge(Merge),
+    Predict(Predict),
+    Report(ReportStudy),
+}
+
+#[derive(Args, Debug)]
+struct RunStudy {
+    #[command(flatten)]
+    which: Which,
+    /// Folder for the results
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Do every n-th point, beginning with the i-th
+    #[arg(long, value_name = "i/n", default_value = "1/1")]
+    shard: Shard,
+    /// Threads; as many as there are cores unless given
+    #[arg(long, value_name = "N")]
+    threads: Option<NonZero<usize>>,
+    #[command(flatten)]
+    bus: BusOptions,
+}
+
+#[derive(Args, Debug)]
+struct Merge {
+    #[command(flatten)]
+    which: Which,
+    /// Folders that hold shards; the first receives the joined results
+    #[arg(required = true)]
+    folders: Vec<PathBuf>,
+}
+
+impl StudyCommand {
+    /// Does what the subcommand says.
+    pub fn run(self) -> Result<(), Failure> {
+        match self.action {
+            Action::List => {
+                let mut out = io::stdout().lock();
+                for (name, text) in BUILT_IN {
+                    let plan = Plan::parse(name, text, &[])?;
+                    writeln!(out, "{name:<15} {:>6} points  {}", plan.len(), plan.title)?;
+                }
+                Ok(())
+            }
+            Action::Show(which) => {
+                io::stdout().write_all(which.load()?.identity().as_bytes())?;
+                Ok(())
+            }
+            Action::Run(run) => run.run(),
+            Action::Merge(merge) => merge.run(),
+            Action::Predict(predict) => predict.run(),
+            Action::Report(report) => report.run(),
+        }
+    }
+}
+
+impl RunStudy {
+    fn run(self) -> Result<(), Failure> {
+        let plan = self.which.load()?;
+        let shutdown = Shutdown::on_signals();
+        let proceed = move || shutdown.proceed();
+        let mut results = Results::open(&self.out, &plan, self.shard)?;
+        let cores = || thread::available_parallelism().map_or(1, NonZero::get);
+        let threads = self.threads.map_or_else(cores, NonZero::get);
+        let is_complete = match self.bus_scenario(&plan)? {
+            None => runner::run_in_process(&plan, &mut results, self.shard, threads, &proceed)?,
+            Some(options) => match Session::open(options, LoopRealtime::default(), &proceed)? {
+                None => false,
+                Some(mut session) => {
+                    let mut run = |scenario: &_| session.run(scenario, &proceed);
+                    runner::run_one_by_one(&plan, &mut results, self.shard, &mut run)?
+                }
+            },
+        };
+        let count = results.len();
+        if is_complete {
+            results.sort()?;
+            writeln!(io::stdout(), "{count} points in {}", self.out.display())?;
+            Ok(())
+        } else {
+            Err(Failure::other(format!(
+                "stopped after {count} of {} points; run the same command again to go on",
+                plan.len()
+            )))
+        }
+    }
+
+    /// The options of a session over a real bus, if one is asked for.
+    fn bus_scenario(&self, plan: &Plan) -> Result<Option<ScenarioOptions>, Failure> {
+        if self.bus.overrides().is_empty() {
+            return Ok(None);
+        }
+        // Any point will do: what differs between points is not the bus.
+        let options = ScenarioOptions {
+            scenario: plan.scenario.clone(),
+            set: plan.overrides(0).iter().map(Override::to_string).collect(),
+            bus: self.bus.clone(),
+        };
+        let scenario: Scenario = options.load()?;
+        Ok((scenario.bus.kind != BusKind::Local).then_some(options))
+    }
+}
+
+impl Merge {
+    fn run(self) -> Result<(), Failure> {
+        let plan = self.which.load()?;
+        let missing = results::merge(&self.folders, &plan)?;
+        let (all, first) = (plan.len(), self.folders.first());
+        if missing.is_empty() {
+            let folder = first.map_or_else(String::new, |folder| folder.display().to_string());
+            writeln!(io::stdout(), "{all} points in {folder}")?;
+            return Ok(());
+        }
+        let some: Vec<_> = missing.iter().take(10).map(usize::to_string).collect();
+        let more = if missing.len() > some.len() { ", ..." } else { "" };
+        Err(Failure::other(format!(
+            "{} of {all} points are missing: {}{more}",
+            missing.len(),
+            some.join(", ")
+        )))
+    }
+}

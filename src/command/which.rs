@@ -1,0 +1,26 @@
+//! How a study is named on the command line.
+
+use clap::Args;
+use mtj_model::scenario::Override;
+use mtj_study::sweep::plan::Plan;
+
+use crate::failure::Failure;
+
+/// Which study
+#[derive(Args, Debug)]
+pub struct Which {
+    /// Built-in study ('mtj study list' prints them) or TOML file
+    study: String,
+    /// Set any key at every point; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+impl Which {
+    /// The study, with everything set that was asked for.
+    pub fn load(&self) -> Result<Plan, Failure> {
+        let set: Vec<Override> =
+            self.set.iter().map(|text| text.parse()).collect::<Result<_, _>>()?;
+        Ok(Plan::load(&self.study, &set)?)
+    }
+}

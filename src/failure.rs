@@ -1,0 +1,98 @@
+//! Why a command failed, and what that is to the shell: the one place where exit statuses are made.
+
+use std::{fmt, io};
+
+use mtj_controller::serve::ServeError;
+use mtj_figure::FigureError;
+use mtj_model::scenario::ScenarioError;
+use mtj_protocol::bus::BusError;
+use mtj_study::StudyError;
+
+use crate::{launcher::LaunchError, paper::runs::RunsError};
+
+/// Why a command failed, with the exit status it deserves.
+#[derive(Debug)]
+pub struct Failure {
+    /// One clear sentence; empty if the user has been told.
+    pub sentence: String,
+    /// 2 for bad input, 1 for anything else.
+    pub code: u8,
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.sentence)
+    }
+}
+
+impl Failure {
+    /// Something the user can mend.
+    pub fn bad_input(sentence: impl fmt::Display) -> Self {
+        Self::new(sentence, true)
+    }
+
+    /// Something else.
+    pub fn other(sentence: impl fmt::Display) -> Self {
+        Self::new(sentence, false)
+    }
+
+    fn new(error: impl fmt::Display, is_bad_input: bool) -> Self {
+        Self { sentence: error.to_string(), code: if is_bad_input { 2 } else { 1 } }
+    }
+}
+
+impl From<ScenarioError> for Failure {
+    fn from(error: ScenarioError) -> Self {
+        Self::bad_input(error)
+    }
+}
+
+impl From<BusError> for Failure {
+    fn from(error: BusError) -> Self {
+        let is_bad_input = matches!(error, BusError::Settings(_));
+        Self::new(error, is_bad_input)
+    }
+}
+
+impl From<StudyError> for Failure {
+    fn from(error: StudyError) -> Self {
+        let is_bad_input = error.is_bad_input();
+        Self::new(error, is_bad_input)
+    }
+}
+
+impl From<FigureError> for Failure {
+    fn from(error: FigureError) -> Self {
+        let is_bad_input = error.is_bad_input();
+        Self::new(error, is_bad_input)
+    }
+}
+
+impl From<RunsError> for Failure {
+    fn from(error: RunsError) -> Self {
+        let is_bad_input = error.is_bad_input();
+        Self::new(error, is_bad_input)
+    }
+}
+
+impl From<ServeError> for Failure {
+    fn from(error: ServeError) -> Self {
+        match error {
+            ServeError::Bus(error) => error.into(),
+            ServeError::Law(error) => Self::other(error),
+        }
+    }
+}
+
+impl From<LaunchError> for Failure {
+    fn from(error: LaunchError) -> Self {
+        let sentence = if error.is_explained() { String::new() } else { error.to_string() };
+        Self { code: error.code(), sentence }
+    }
+}
+
+impl From<io::Error> for Failure {
+    fn from(error: io::Error) -> Self {
+        Self::other(error)
+    }
+}

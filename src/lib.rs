@@ -1,0 +1,1 @@
+//! Close a robot's control loop over a bus, and study what sample period and latency do to it.

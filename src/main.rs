@@ -1,0 +1,143 @@
+//! `mtj`: one program for all roles. Each command is a file of `command/`.
+
+mod benchmark;
+mod command;
+mod failure;
+mod launcher;
+mod options;
+mod paper;
+mod replay;
+mod session;
+
+use std::{
+    io::{self, Write},
+    process::ExitCode,
+};
+
+use clap::{CommandFactory, Parser, Subcommand};
+use mtj_controller::program::ControllerOptions;
+
+use self::{
+    command::{
+        bench::Bench,
+        bridge::BridgeCommand,
+        certs::Certs,
+        completions::Completions,
+        export::Export,
+        latency::{Echo, Latency},
+        monitor::Monitor,
+        paper::Paper,
+        plant::Plant,
+        replay::Replay,
+        request::{Kick, Pause, Reset, Resume, Set},
+        run::Run,
+        scenario::ScenarioCommand,
+        study::StudyCommand,
+        tune::Tune,
+        up::Up,
+    },
+    failure::Failure,
+};
+
+/// Close a robot's control loop over a bus, and study what sample period and latency do to it
+#[derive(Parser)]
+#[command(name = "mtj", version)]
+struct Program {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Up(Up),
+    Run(Run),
+    Plant(Plant),
+    Controller(ControllerOptions),
+    Monitor(Monitor),
+    Bridge(BridgeCommand),
+    Export(Export),
+    Replay(Replay),
+    Paper(Paper),
+    Scenario(ScenarioCommand),
+    Study(StudyCommand),
+    Tune(Tune),
+    Set(Set),
+    Pause(Pause),
+    Resume(Resume),
+    Reset(Reset),
+    Kick(Kick),
+    Latency(Latency),
+    #[command(hide = true)]
+    Echo(Echo),
+    Certs(Certs),
+    Bench(Bench),
+    Completions(Completions),
+}
+
+impl Command {
+    /// What the lines that it logs begin with.
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Plant(_) => "mtj plant",
+            Self::Controller(_) => "mtj controller",
+            Self::Monitor(_) => "mtj monitor",
+            Self::Bridge(_) => "mtj bridge",
+            _ => "mtj",
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    let mut arguments: Vec<_> = std::env::args_os().collect();
+    if arguments.len() == 1 {
+        arguments.push("up".into()); // What a newcomer wants to see.
+    }
+    let command = Program::parse_from(arguments).command;
+    mtj_options::log::to_standard_error(command.name());
+    match run(command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            if !failure.sentence.is_empty() {
+                let _ = writeln!(io::stderr(), "mtj: {failure}");
+            }
+            ExitCode::from(failure.code)
+        }
+    }
+}
+
+fn run(command: Command) -> Result<(), Failure> {
+    match command {
+        Command::Up(up) => up.run(),
+        Command::Run(run) => run.run(),
+        Command::Plant(plant) => plant.run(),
+        Command::Controller(controller) => Ok(controller.run()?),
+        Command::Monitor(monitor) => monitor.run(),
+        Command::Bridge(bridge) => bridge.run(),
+        Command::Export(export) => export.run(),
+        Command::Replay(replay) => replay.run(),
+        Command::Paper(paper) => paper.run(),
+        Command::Scenario(scenario) => scenario.run(),
+        Command::Study(study) => study.run(),
+        Command::Tune(tune) => tune.run(),
+        Command::Set(set) => set.run(),
+        Command::Pause(pause) => pause.run(),
+        Command::Resume(resume) => resume.run(),
+        Command::Reset(reset) => reset.run(),
+        Command::Kick(kick) => kick.run(),
+        Command::Latency(latency) => latency.run(),
+        Command::Echo(echo) => echo.run(),
+        Command::Certs(certs) => certs.run(),
+        Command::Bench(bench) => bench.run(),
+        Command::Completions(completions) => completions.run(Program::command()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        Program::command().debug_assert();
+    }
+}

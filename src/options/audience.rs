@@ -1,0 +1,40 @@
+//! For whom a monitor listens.
+
+use clap::Args;
+#[cfg(feature = "foxglove")]
+use mtj_monitor::foxglove::FoxgloveOptions;
+use mtj_monitor::{
+    recording::options::RecordingOptions, terminal::TerminalOptions, web::WebOptions,
+};
+
+/// For whom a monitor listens
+#[derive(Args, Clone, Debug, Default)]
+pub struct AudienceOptions {
+    /// The dashboard in a browser.
+    #[command(flatten)]
+    pub web: WebOptions,
+    /// The dashboard in the terminal, instead of a line a second.
+    #[command(flatten)]
+    pub terminal: TerminalOptions,
+    /// A file.
+    #[command(flatten)]
+    pub recording: RecordingOptions,
+    /// Foxglove.
+    #[cfg(feature = "foxglove")]
+    #[command(flatten)]
+    pub foxglove: FoxgloveOptions,
+}
+
+impl AudienceOptions {
+    /// The same options as arguments for another process.
+    pub fn arguments(&self) -> Vec<String> {
+        [
+            self.web.arguments(),
+            self.terminal.arguments(),
+            self.recording.arguments(),
+            #[cfg(feature = "foxglove")]
+            self.foxglove.arguments(),
+        ]
+        .concat()
+    }
+}

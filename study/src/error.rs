@@ -1,0 +1,144 @@
+//! Why a study, a prediction or a proposal of gains failed.
+
+use std::{io, path::PathBuf};
+
+use mtj_figure::FigureError;
+use mtj_model::scenario::ScenarioError;
+use mtj_protocol::bus::BusError;
+
+/// Why a study, a prediction or a proposal of gains failed.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    /// The study or a scenario in it is not acceptable.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// A run failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// A figure could not be drawn or written.
+    #[error(transparent)]
+    Figure(#[from] FigureError),
+    /// The controller of a run over a bus could not be started.
+    #[error("a controller could not be started: {0}")]
+    Spawn(#[from] io::Error),
+    /// The folder for the results cannot be made.
+    #[error("--out {}: {source}; give a folder that can be written", folder.display())]
+    Folder {
+        /// What was asked for.
+        folder: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A file of the study cannot be read or written.
+    #[error("{}: {source}", path.display())]
+    File {
+        /// Which.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A row cannot be appended.
+    #[error("{}: {source}; make room and run the same command again to go on", path.display())]
+    Append {
+        /// The file of results.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The file of results is not CSV.
+    #[error("{}: {source}", path.display())]
+    Csv {
+        /// Which.
+        path: PathBuf,
+        /// What its reader said.
+        source: csv::Error,
+    },
+    /// The folder belongs to another study.
+    #[error("{} holds the results of another study; choose another folder with --out", folder.display())]
+    OtherStudy {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// A line of the results is no row of this study.
+    #[error("{}, line {line}: not a row of this study", path.display())]
+    NotARow {
+        /// The file of results.
+        path: PathBuf,
+        /// From 1.
+        line: usize,
+    },
+    /// Two shards have different results of one point.
+    #[error("point {point} has two different results, one in {}", path.display())]
+    TwoResults {
+        /// Number of the point.
+        point: usize,
+        /// Where the second one is.
+        path: PathBuf,
+    },
+    /// There is nothing to report.
+    #[error(
+        "no results to report: {0}; 'mtj study run' makes them, 'mtj study merge' joins shards"
+    )]
+    NoResults(#[source] Box<Self>),
+    /// The file of results has no rows yet.
+    #[error("{}: the study has no results yet", folder.display())]
+    NoRows {
+        /// The study's folder.
+        folder: PathBuf,
+    },
+    /// The motion alone takes more torque than a joint has.
+    #[error(
+        "no gains satisfy the torque limit: the motion itself takes {needed:.3} N m at joint {joint}, \
+         the limit is {limit} N m"
+    )]
+    TorqueLimit {
+        /// From 1.
+        joint: usize,
+        /// What the motion takes, N m.
+        needed: f64,
+        /// What the joint has, N m.
+        limit: f64,
+    },
+    /// No gains satisfy all limits.
+    #[error(
+        "none of the gains tried with K_d/K_p = {time_constant_s} s satisfies all limits; in the way \
+         at the last: {limit}"
+    )]
+    NoGains {
+        /// The wanted time constant of the error.
+        time_constant_s: f64,
+        /// The limit that the last gains did not satisfy.
+        limit: String,
+    },
+    /// The user ended it.
+    #[error("stopped before {0}")]
+    Stopped(&'static str),
+    /// A fault of this program.
+    #[error("a thread panicked")]
+    Panicked,
+}
+
+impl StudyError {
+    /// Whether the user asked for something that cannot be.
+    pub fn is_bad_input(&self) -> bool {
+        match self {
+            Self::Bus(error) => matches!(error, BusError::Settings(_)),
+            Self::Figure(error) => error.is_bad_input(),
+            Self::Scenario(_)
+            | Self::Folder { .. }
+            | Self::File { .. }
+            | Self::Csv { .. }
+            | Self::OtherStudy { .. }
+            | Self::NotARow { .. }
+            | Self::TwoResults { .. }
+            | Self::NoResults(_)
+            | Self::NoRows { .. } => true,
+            Self::Spawn(_)
+            | Self::Append { .. }
+            | Self::TorqueLimit { .. }
+            | Self::NoGains { .. }
+            | Self::Stopped(_)
+            | Self::Panicked => false,
+        }
+    }
+}
