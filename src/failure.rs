@@ -8,7 +8,7 @@ use mtj_model::scenario::ScenarioError;
 use mtj_protocol::bus::BusError;
 use mtj_study::StudyError;
 
-use crate::{launcher::LaunchError, paper::runs::RunsError};
+use crate::{certificates::CertificateError, launcher::LaunchError, paper::runs::RunsError};
 
 /// Why a command failed, with the exit status it deserves.
 #[derive(Debug)]
@@ -63,6 +63,13 @@ impl From<StudyError> for Failure {
 
 impl From<FigureError> for Failure {
     fn from(error: FigureError) -> Self {
+        let is_bad_input = error.is_bad_input();
+        Self::new(error, is_bad_input)
+    }
+}
+
+impl From<CertificateError> for Failure {
+    fn from(error: CertificateError) -> Self {
         let is_bad_input = error.is_bad_input();
         Self::new(error, is_bad_input)
     }

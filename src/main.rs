@@ -1,6 +1,7 @@
 //! `mtj`: one program for all roles. Each command is a file of `command/`.
 
 mod benchmark;
+mod certificates;
 mod command;
 mod failure;
 mod launcher;
