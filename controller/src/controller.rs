@@ -1,7 +1,5 @@
 //! One state sample in, one torque sample out.
 
-use std::fmt;
-
 use mtj_model::{
     arm::planar::{Configuration, PlanarArm},
     for_axes, for_links,
@@ -36,9 +34,14 @@ struct Answer {
 }
 
 /// Why a state could not be answered.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LawError {
     /// The law needs an inverse of J, and J has none.
+    #[error(
+        "law.kind = \"{law}\" inverts the Jacobian, which is singular at t = {time} s; keep the path \
+         away from the rim of the workspace, or use a law that needs no inverse: tj, or mtj or tdc \
+         with a number for law.mass"
+    )]
     Singular {
         /// The law's name.
         law: &'static str,
@@ -46,6 +49,7 @@ pub enum LawError {
         time: f64,
     },
     /// The state has another number of joints than the scenario's arm.
+    #[error("the state sample has {found} joints, the scenario's arm {expected}")]
     Joints {
         /// In the scenario.
         expected: usize,
@@ -53,24 +57,6 @@ pub enum LawError {
         found: u32,
     },
 }
-
-impl fmt::Display for LawError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Singular { law, time } => write!(
-                f,
-                "law.kind = \"{law}\" inverts the Jacobian, which is singular at t = {time} s; keep the \
-                 path away from the rim of the workspace, or use a law that needs no inverse: tj, or mtj or \
-                 tdc with a number for law.mass"
-            ),
-            Self::Joints { expected, found } => {
-                write!(f, "the state sample has {found} joints, the scenario's arm {expected}")
-            }
-        }
-    }
-}
-
-impl std::error::Error for LawError {}
 
 impl Controller {
     /// The controller that a scenario describes.

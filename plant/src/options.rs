@@ -1,7 +1,6 @@
 //! The plant's command line.
 
 use std::{
-    fmt,
     fs::File,
     io::{self, BufWriter, Write},
     path::PathBuf,
@@ -16,6 +15,7 @@ use mtj_protocol::{
 };
 
 use crate::{
+    error::PlantError,
     plant::{self, Outcome, Watch},
     report::Report,
     trace,
@@ -125,54 +125,6 @@ pub struct PlantOptions {
     /// Stop when standard input ends
     #[arg(long, hide = true)]
     pub until_stdin_closes: bool,
-}
-
-/// Why a plant stopped before it was done.
-#[derive(Debug)]
-pub enum PlantError {
-    /// The scenario is not acceptable.
-    Scenario(ScenarioError),
-    /// The bus failed.
-    Bus(BusError),
-    /// The results could not be written.
-    Output(io::Error),
-}
-
-impl PlantError {
-    /// Whether the user asked for something that cannot be.
-    pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::Scenario(_) | Self::Bus(BusError::Settings(_)))
-    }
-}
-
-impl fmt::Display for PlantError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Scenario(error) => error.fmt(f),
-            Self::Bus(error) => error.fmt(f),
-            Self::Output(error) => write!(f, "the results could not be written: {error}"),
-        }
-    }
-}
-
-impl std::error::Error for PlantError {}
-
-impl From<ScenarioError> for PlantError {
-    fn from(error: ScenarioError) -> Self {
-        Self::Scenario(error)
-    }
-}
-
-impl From<BusError> for PlantError {
-    fn from(error: BusError) -> Self {
-        Self::Bus(error)
-    }
-}
-
-impl From<io::Error> for PlantError {
-    fn from(error: io::Error) -> Self {
-        Self::Output(error)
-    }
 }
 
 impl PlantOptions {

@@ -4,7 +4,7 @@ use std::{fmt, io};
 
 use mtj_controller::serve::ServeError;
 use mtj_model::scenario::ScenarioError;
-use mtj_plant::options::PlantError;
+use mtj_plant::error::PlantError;
 use mtj_protocol::bus::BusError;
 
 use crate::launcher::LaunchError;

@@ -26,10 +26,7 @@ use crate::{
     lift,
     matrix::{self, padded},
     scalar::Scalar,
-    scenario::{
-        arm::ArmSettings,
-        section::{ScenarioError, Section},
-    },
+    scenario::{ArmSettings, ScenarioError, Section},
     task::{self, TrackingError},
     trajectory::Motion,
 };
@@ -114,6 +111,43 @@ pub trait Equation<T: Scalar, const M: usize>: Copy {
     }
 }
 
+/// Why a law cannot control an arm in a task; the sentence says what the key should be instead.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Unsuited {
+    /// The law inverts J, which has to be square for that.
+    #[error(
+        "tj or mtj, because mb inverts the Jacobian and this arm's is not square ({joints} joints \
+         for {axes} task axes)"
+    )]
+    NotSquare {
+        /// Joints of the arm.
+        joints: usize,
+        /// Axes of the task.
+        axes: usize,
+    },
+    /// The law inverts J H⁻¹ Jᵀ, for which J needs full rank.
+    #[error(
+        "a number, a list or a matrix, because the task inertia needs a Jacobian of full rank and \
+         this arm has {joints} joints for {axes} task axes"
+    )]
+    NoTaskInertia {
+        /// Joints of the arm.
+        joints: usize,
+        /// Axes of the task.
+        axes: usize,
+    },
+}
+
+impl Unsuited {
+    /// The key of the `law` table that has to change.
+    pub fn key(&self) -> &'static str {
+        match self {
+            Self::NotSquare { .. } => "kind",
+            Self::NoTaskInertia { .. } => "mass",
+        }
+    }
+}
+
 /// What a law declares of itself; implemented by its settings.
 trait Declaration: Sized {
     /// Its name, parameters and signals.
@@ -122,8 +156,8 @@ trait Declaration: Sized {
     /// Reads the settings from a scenario's `law` table, for a task with so many axes.
     fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError>;
 
-    /// Why the law cannot control an arm, as the key and what would be accepted.
-    fn check(&self, _: &ArmSettings, _: &task::Description) -> Result<(), (&'static str, String)> {
+    /// Whether the law can control an arm in a task.
+    fn check(&self, _: &ArmSettings, _: &task::Description) -> Result<(), Unsuited> {
         Ok(())
     }
 }
@@ -187,12 +221,8 @@ macro_rules! register {
                 chosen.ok_or_else(|| law.refuse("kind", "the name of a law"))
             }
 
-            /// Why the law cannot control an arm, as the key and what would be accepted.
-            pub fn check(
-                &self,
-                arm: &ArmSettings,
-                task: &task::Description,
-            ) -> Result<(), (&'static str, String)> {
+            /// Whether the law can control an arm in a task.
+            pub fn check(&self, arm: &ArmSettings, task: &task::Description) -> Result<(), Unsuited> {
                 match self {
                     $(Self::$variant(law) => law.check(arm, task),)*
                 }
@@ -215,8 +245,10 @@ pub fn find(name: &str) -> Option<&'static Description> {
 
 /// Whether a law refuses a value that is there and that the law of this name has no use for.
 fn is_for_others(error: &ScenarioError, name: &str) -> bool {
-    let reads = |key: &Parameter| error.key.starts_with(key.key);
-    error.value.is_some() && !find(name).is_some_and(|chosen| chosen.parameters.iter().any(reads))
+    error.refused_key().is_some_and(|refused| {
+        let reads = |key: &Parameter| refused.starts_with(key.key);
+        !find(name).is_some_and(|chosen| chosen.parameters.iter().any(reads))
+    })
 }
 
 impl Law<f64, MAX_AXES> {

@@ -2,7 +2,10 @@
 
 use nalgebra::{DMatrix, SMatrix, SVector, Vector2};
 
-use super::section::{self, ScenarioError, Section};
+use super::{
+    error::ScenarioError,
+    section::{self, Section},
+};
 use crate::{
     MAX_JOINTS,
     arm::{

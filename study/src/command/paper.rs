@@ -122,7 +122,7 @@ impl From<RunsError> for Failure {
     fn from(error: RunsError) -> Self {
         match error {
             RunsError::Scenario(error) => error.into(),
-            RunsError::Bus(error) => error.into(),
+            RunsError::Plant(error) => error.into(),
             RunsError::Incomplete(_) => Self::new(error, false),
         }
     }

@@ -7,8 +7,7 @@ use std::{
 };
 
 use mtj_model::scenario::{Scenario, ScenarioError};
-use mtj_plant::plant::Outcome;
-use mtj_protocol::bus::BusError;
+use mtj_plant::{error::PlantError, plant::Outcome};
 
 use crate::experiment;
 
@@ -34,7 +33,7 @@ pub enum RunsError {
     /// A scenario is not acceptable.
     Scenario(ScenarioError),
     /// A run failed.
-    Bus(BusError),
+    Plant(PlantError),
     /// A run was stopped, or a figure needs one that was not made.
     Incomplete(String),
 }
@@ -43,7 +42,7 @@ impl std::fmt::Display for RunsError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Scenario(error) => error.fmt(f),
-            Self::Bus(error) => error.fmt(f),
+            Self::Plant(error) => error.fmt(f),
             Self::Incomplete(name) => write!(f, "the run paper/{name} was not completed"),
         }
     }
@@ -101,7 +100,7 @@ pub fn scenario(name: &str) -> Result<Scenario, ScenarioError> {
 
 fn run(name: &str, proceed: &dyn Fn() -> bool) -> Result<Outcome, RunsError> {
     let outcome =
-        experiment::run_direct(&scenario(name)?, true, proceed).map_err(RunsError::Bus)?;
+        experiment::run_direct(&scenario(name)?, true, proceed).map_err(RunsError::Plant)?;
     if outcome.interrupted {
         return Err(RunsError::Incomplete(name.to_owned()));
     }
