@@ -70,10 +70,30 @@ pub fn run(
     watch: Watch,
     proceed: &dyn Fn() -> bool,
 ) -> Result<Outcome, PlantError> {
+    run_engine(scenario, run, engine(scenario), exchange, watch, proceed)
+}
+
+/// Runs a scenario as [`run`] does, with an engine of one's own in place of the scenario's arm.
+///
+/// The engine begins at the scenario's initial state. What reports and traces say of the tip follows
+/// from its joint angles and the scenario's arm. [`crate::engine`] shows how to write an engine.
+pub fn run_engine(
+    scenario: &Scenario,
+    run: u64,
+    engine: Box<dyn Engine>,
+    exchange: &mut dyn Exchange,
+    watch: Watch,
+    proceed: &dyn Fn() -> bool,
+) -> Result<Outcome, PlantError> {
     let peer = Peer::new(exchange, proceed, watch.round_trips);
+    let has_trace = watch.trace;
     match scenario.timing.clock {
-        ClockKind::Lockstep => Plant::<Lockstep>::new(scenario, run, peer, watch.trace)?.run(),
-        ClockKind::Realtime => Plant::<Realtime>::new(scenario, run, peer, watch.trace)?.run(),
+        ClockKind::Lockstep => {
+            Plant::<Lockstep>::new(scenario, run, engine, peer, has_trace)?.run()
+        }
+        ClockKind::Realtime => {
+            Plant::<Realtime>::new(scenario, run, engine, peer, has_trace)?.run()
+        }
     }
     .map_err(PlantError::from)
 }
@@ -105,6 +125,7 @@ impl<'a, C: Clock> Plant<'a, C> {
     fn new(
         scenario: &Scenario,
         run: u64,
+        engine: Box<dyn Engine>,
         peer: Peer<'a>,
         has_trace: bool,
     ) -> Result<Self, LinkError> {
@@ -121,7 +142,7 @@ impl<'a, C: Clock> Plant<'a, C> {
             scenario: scenario.clone(),
             peer,
             header,
-            engine: engine(scenario),
+            engine,
             tracking: Tracking::new(scenario),
             sensor: Sensor::new(scenario.noise, scenario.seed),
             agenda: Agenda::new(),
