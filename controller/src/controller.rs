@@ -2,7 +2,7 @@
 
 use mtj_model::{
     arm::planar::{Configuration, PlanarArm},
-    for_axes, for_links,
+    for_axes, for_joints,
     law::{Description, Equation},
     lift::Lift,
     scenario::{Horizon, Scenario},
@@ -160,7 +160,7 @@ impl Controller {
             return Err(LawError::Axes { law: description.name, expected: M, found });
         }
         let make = move |scenario: &Scenario, history| -> Box<dyn Respond> {
-            for_links!(scenario.arm.links.len(), N => {
+            for_joints!(scenario.arm.joints(), N => {
                 let responder = Responder::with_law(scenario, law);
                 Box::new(ArmController::<N, M, L>::new(responder, description, scenario, history))
             })
@@ -252,7 +252,7 @@ fn blank_error(law: &str) -> ErrorSample {
 /// The law that a scenario names.
 fn built_in(scenario: &Scenario, history: Option<History>) -> Box<dyn Respond> {
     let description = scenario.law.law.description();
-    for_links!(scenario.arm.links.len(), N => for_axes!(scenario.task, M => {
+    for_joints!(scenario.arm.joints(), N => for_axes!(scenario.task, M => {
         let responder = Responder::of(scenario).lift::<f64, M>();
         Box::new(ArmController::<N, M, _>::new(responder, description, scenario, history))
     }))

@@ -20,7 +20,7 @@ use std::{sync::Arc, time::Duration};
 
 use toml::{Table, Value};
 
-pub use arm::ArmSettings;
+pub use arm::{ArmSettings, Chain};
 pub use builtin::{BUILT_IN, built_in};
 pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, DEFAULT_SPIN, Wait, is_name};
 pub use error::ScenarioError;

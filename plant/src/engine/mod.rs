@@ -70,7 +70,7 @@
 
 mod runge_kutta;
 
-use mtj_model::{MAX_JOINTS, for_links, scenario::Scenario};
+use mtj_model::{MAX_JOINTS, for_joints, scenario::Scenario};
 use mtj_protocol::sample::Joints;
 
 /// Integrates an arm's state; times are ns since the run began.
@@ -127,5 +127,5 @@ impl<const N: usize> Drive<N> {
 pub fn engine(scenario: &Scenario) -> Box<dyn Engine> {
     let step_ns = scenario.timing.integration_step.as_nanos() as u64;
     let arm = &scenario.arm;
-    for_links!(arm.links.len(), N => Box::new(runge_kutta::RungeKutta::<N>::new(arm, step_ns)))
+    for_joints!(arm.joints(), N => Box::new(runge_kutta::RungeKutta::<N>::new(arm, step_ns)))
 }
