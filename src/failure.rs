@@ -5,6 +5,7 @@ use std::{fmt, io};
 use mtj_controller::serve::ServeError;
 use mtj_figure::FigureError;
 use mtj_model::scenario::ScenarioError;
+use mtj_plant::error::PlantError;
 use mtj_protocol::bus::BusError;
 use mtj_study::StudyError;
 
@@ -50,6 +51,13 @@ impl From<ScenarioError> for Failure {
 impl From<BusError> for Failure {
     fn from(error: BusError) -> Self {
         let is_bad_input = matches!(error, BusError::Settings(_));
+        Self::new(error, is_bad_input)
+    }
+}
+
+impl From<PlantError> for Failure {
+    fn from(error: PlantError) -> Self {
+        let is_bad_input = error.is_bad_input();
         Self::new(error, is_bad_input)
     }
 }

@@ -4,8 +4,9 @@
 use std::hint::black_box;
 
 use mtj_model::{
+    JointCount,
     arm::TaskDynamics,
-    for_links,
+    for_joints,
     gains::Gains,
     law::{
         factor::{Factor, FactorKind, Thresholds},
@@ -41,7 +42,8 @@ struct Given<const N: usize> {
 
 /// One step of a law.
 pub fn measure(links: usize, law: Law, meter: &mut impl Meter) {
-    for_links!(links, N => measure_at::<N>(law, meter));
+    let joints = JointCount::new(links).expect("a case has 2 to 7 links");
+    for_joints!(joints, N => measure_at::<N>(law, meter));
 }
 
 fn measure_at<const N: usize>(law: Law, meter: &mut impl Meter) {

@@ -1,10 +1,9 @@
 //! One state sample in, one torque sample out.
 
-use std::fmt;
-
 use mtj_model::{
     arm::planar::{Configuration, PlanarArm},
-    for_axes, for_links,
+    for_axes, for_joints,
+    law::{Description, Equation},
     lift::Lift,
     scenario::{Horizon, Scenario},
     task::Previous,
@@ -25,8 +24,12 @@ use crate::{
 /// it was made and knows neither clocks nor transports.
 pub struct Controller {
     law: Box<dyn Respond>,
+    /// Makes the law of a changed scenario, with what the one before knew.
+    make: Box<Make>,
     answer: Answer,
 }
+
+type Make = dyn Fn(&Scenario, Option<History>) -> Box<dyn Respond>;
 
 /// The answer to the last state. It stays here and is lent to the port that sends it.
 #[derive(Clone, Copy, Debug)]
@@ -36,16 +39,32 @@ struct Answer {
 }
 
 /// Why a state could not be answered.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LawError {
     /// The law needs an inverse of J, and J has none.
+    #[error(
+        "law.kind = \"{law}\" inverts the Jacobian, which is singular at t = {time} s; keep the path \
+         away from the rim of the workspace, or use a law that needs no inverse: tj, or mtj or tdc \
+         with a number for law.mass"
+    )]
     Singular {
         /// The law's name.
         law: &'static str,
         /// When, s.
         time: f64,
     },
+    /// A law of one's own is written for another number of task axes than the scenario's task has.
+    #[error("law '{law}' controls {expected} task axes, the scenario's task has {found}")]
+    Axes {
+        /// The law's name.
+        law: &'static str,
+        /// What the law is written for.
+        expected: usize,
+        /// In the scenario.
+        found: usize,
+    },
     /// The state has another number of joints than the scenario's arm.
+    #[error("the state sample has {found} joints, the scenario's arm {expected}")]
     Joints {
         /// In the scenario.
         expected: usize,
@@ -54,38 +73,112 @@ pub enum LawError {
     },
 }
 
-impl fmt::Display for LawError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Singular { law, time } => write!(
-                f,
-                "law.kind = \"{law}\" inverts the Jacobian, which is singular at t = {time} s; keep the \
-                 path away from the rim of the workspace, or use a law that needs no inverse: tj, or mtj or \
-                 tdc with a number for law.mass"
-            ),
-            Self::Joints { expected, found } => {
-                write!(f, "the state sample has {found} joints, the scenario's arm {expected}")
-            }
-        }
-    }
-}
-
-impl std::error::Error for LawError {}
-
 impl Controller {
     /// The controller that a scenario describes.
     pub fn new(scenario: &Scenario) -> Self {
-        Self {
-            law: law(scenario, None),
-            answer: Answer { torque: TorqueSample::default(), error: blank_error(scenario) },
+        Self::made(scenario, Box::new(built_in))
+    }
+
+    /// The controller of a scenario with a law of one's own in place of the scenario's.
+    ///
+    /// `M` is the number of task axes that the law controls. Memory, prediction and the model's
+    /// `mass_scale` are as the scenario's table `law` says; so are the law's name and echo in the
+    /// traces and reports of a plant. [`mtj_model::law`] shows how to write a law.
+    ///
+    /// # Errors
+    ///
+    /// [`LawError::Axes`] if the scenario's task has another number of axes than `M`.
+    ///
+    /// # Examples
+    ///
+    /// A spring between tip and desired point; no damper:
+    ///
+    /// ```
+    /// use mtj_controller::Controller;
+    /// use mtj_model::{
+    ///     arm::Kinematics,
+    ///     law::{Command, Description, Equation, Per, Signal, Signals, Situation},
+    ///     scenario::Scenario,
+    /// };
+    /// use mtj_protocol::sample::StateSample;
+    ///
+    /// /// Q̂ = stiffness · e; N/m.
+    /// #[derive(Clone, Copy)]
+    /// struct Spring {
+    ///     stiffness: f64,
+    /// }
+    ///
+    /// const SPRING: Description = Description {
+    ///     name: "spring",
+    ///     title: "spring",
+    ///     equation: "Q̂ = k e",
+    ///     parameters: &[],
+    ///     echo: Signal {
+    ///         key: "force",
+    ///         symbol: "Q̂",
+    ///         title: "Task force",
+    ///         unit: "N",
+    ///         per: Per::Axis,
+    ///         range: None,
+    ///     },
+    ///     has_memory: false,
+    ///     signals: &[],
+    /// };
+    ///
+    /// impl Equation<f64, 2> for Spring {
+    ///     fn command<A: Kinematics<f64, N, 2>, const N: usize>(
+    ///         &self,
+    ///         now: &Situation<'_, f64, A, N, 2>,
+    ///         _: &mut Signals<f64>,
+    ///     ) -> Command<f64, N> {
+    ///         let force = now.error.position * self.stiffness;
+    ///         Command::of_task_force(&now.jacobian(), &force)
+    ///     }
+    /// }
+    ///
+    /// let scenario = Scenario::load("sampled/tj", &[])?;
+    /// let mut controller = Controller::with_law(&scenario, &SPRING, Spring { stiffness: 100.0 })?;
+    ///
+    /// let mut state = StateSample::default();
+    /// state.header.joints = 2;
+    /// state.position[..2].copy_from_slice(&[0.3, 1.2]);
+    /// let force = controller.respond(&state)?.echo;
+    /// let error = controller.error().error;
+    /// assert_eq!(force[..2], [100.0 * error[0], 100.0 * error[1]]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn with_law<L, const M: usize>(
+        scenario: &Scenario,
+        description: &'static Description,
+        law: L,
+    ) -> Result<Self, LawError>
+    where
+        L: Equation<f64, M> + 'static,
+    {
+        let found = scenario.task.axes.len();
+        if found != M {
+            return Err(LawError::Axes { law: description.name, expected: M, found });
         }
+        let make = move |scenario: &Scenario, history| -> Box<dyn Respond> {
+            for_joints!(scenario.arm.joints(), N => {
+                let responder = Responder::with_law(scenario, law);
+                Box::new(ArmController::<N, M, L>::new(responder, description, scenario, history))
+            })
+        };
+        Ok(Self::made(scenario, Box::new(make)))
+    }
+
+    fn made(scenario: &Scenario, make: Box<Make>) -> Self {
+        let law = make(scenario, None);
+        let answer = Answer { torque: TorqueSample::default(), error: blank_error(law.name()) };
+        Self { law, make, answer }
     }
 
     /// Continues under a changed scenario for the same arm. The memory stays, so that a change of something
     /// else gives the arm no jerk.
     pub fn reconfigure(&mut self, scenario: &Scenario) {
-        self.law = law(scenario, Some(self.law.remembered()));
-        self.answer.error = blank_error(scenario);
+        self.law = (self.make)(scenario, Some(self.law.history()));
+        self.answer.error = blank_error(self.law.name());
     }
 
     /// τ = J_Cᵀ Q̂ for a measured state, with Q̂ from the law. The desired motion is evaluated at the
@@ -111,7 +204,7 @@ impl Controller {
         torque: &TorqueSample,
     ) -> Result<(), LawError> {
         self.respond(state)?;
-        self.law.remember(torque);
+        self.law.replace_echo(torque);
         self.answer.torque = *torque;
         Ok(())
     }
@@ -129,18 +222,21 @@ impl Controller {
     }
 }
 
+/// What [`Controller`] needs of a law, whatever its numbers of joints and axes.
 trait Respond {
+    /// The law's name.
+    fn name(&self) -> &'static str;
     fn respond(&mut self, state: &StateSample, answer: &mut Answer) -> Result<(), LawError>;
     /// Precomputes what does not depend on the next measurement.
     fn preprocess(&mut self, state: &StateSample);
-    /// Believes to have answered the last state so.
-    fn remember(&mut self, torque: &TorqueSample);
+    /// Goes on as if this had been the answer to the last state.
+    fn replace_echo(&mut self, torque: &TorqueSample);
     /// What is known from earlier samples.
-    fn remembered(&self) -> Remembered;
+    fn history(&self) -> History;
 }
 
 /// What a controller knows from earlier samples.
-struct Remembered {
+struct History {
     memory: Option<Memory>,
     /// When the last sample was taken, s.
     time: f64,
@@ -149,19 +245,23 @@ struct Remembered {
 }
 
 /// The error sample before the first answer: the law's name, and zeros.
-fn blank_error(scenario: &Scenario) -> ErrorSample {
-    ErrorSample { law: text(scenario.law.law.description().name), ..ErrorSample::default() }
+fn blank_error(law: &str) -> ErrorSample {
+    ErrorSample { law: text(law), ..ErrorSample::default() }
 }
 
-fn law(scenario: &Scenario, remembered: Option<Remembered>) -> Box<dyn Respond> {
-    for_links!(scenario.arm.links.len(), N => for_axes!(scenario.task, M => {
-        Box::new(ArmController::<N, M>::new(scenario, remembered))
+/// The law that a scenario names.
+fn built_in(scenario: &Scenario, history: Option<History>) -> Box<dyn Respond> {
+    let description = scenario.law.law.description();
+    for_joints!(scenario.arm.joints(), N => for_axes!(scenario.task, M => {
+        let responder = Responder::of(scenario).lift::<f64, M>();
+        Box::new(ArmController::<N, M, _>::new(responder, description, scenario, history))
     }))
 }
 
 /// A law for an arm of `N` links in a task of `M` axes.
-struct ArmController<const N: usize, const M: usize> {
-    responder: Responder<f64, PlanarArm<f64, N>, M>,
+struct ArmController<const N: usize, const M: usize, L> {
+    responder: Responder<f64, PlanarArm<f64, N>, M, L>,
+    name: &'static str,
     /// For a law that has one.
     memory: Option<Memory>,
     horizon: Option<Horizon>,
@@ -172,13 +272,17 @@ struct ArmController<const N: usize, const M: usize> {
     precomputed: Option<(f64, Motion<f64, SVector<f64, M>, M>)>,
 }
 
-impl<const N: usize, const M: usize> ArmController<N, M> {
-    fn new(scenario: &Scenario, remembered: Option<Remembered>) -> Self {
+impl<const N: usize, const M: usize, L> ArmController<N, M, L> {
+    fn new(
+        responder: Responder<f64, PlanarArm<f64, N>, M, L>,
+        description: &Description,
+        scenario: &Scenario,
+        history: Option<History>,
+    ) -> Self {
         let settings = &scenario.law;
-        let description = settings.law.description();
-        let (memory, previous) = match remembered {
+        let (memory, previous) = match history {
             None => (None, Previous::none()),
-            Some(Remembered { memory, time, velocity }) => {
+            Some(History { memory, time, velocity }) => {
                 (memory, Previous { time, velocity: SVector::from_fn(|i, _| velocity[i]) })
             }
         };
@@ -187,7 +291,8 @@ impl<const N: usize, const M: usize> ArmController<N, M> {
             |memory| memory.reconfigure(&settings.memory),
         );
         Self {
-            responder: Responder::of(scenario).lift::<f64, M>(),
+            responder,
+            name: description.name,
             memory: description.has_memory.then_some(memory),
             horizon: settings.prediction,
             previous,
@@ -205,7 +310,11 @@ impl<const N: usize, const M: usize> ArmController<N, M> {
     }
 }
 
-impl<const N: usize, const M: usize> Respond for ArmController<N, M> {
+impl<const N: usize, const M: usize, L: Equation<f64, M>> Respond for ArmController<N, M, L> {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
     fn respond(&mut self, state: &StateSample, answered: &mut Answer) -> Result<(), LawError> {
         let header = state.header.answer();
         if header.joints as usize != N {
@@ -232,8 +341,7 @@ impl<const N: usize, const M: usize> Respond for ArmController<N, M> {
             self.responder.respond(time, &at, &recollection, &mut shown.signals);
         self.previous = Previous { time, velocity: tip.velocity };
         if is_singular(command.condition) {
-            let law = self.responder.law.description().name;
-            return Err(LawError::Singular { law, time });
+            return Err(LawError::Singular { law: self.name, time });
         }
         if let Some(memory) = &mut self.memory {
             memory.store(header.time_ns, &command.echo);
@@ -260,15 +368,15 @@ impl<const N: usize, const M: usize> Respond for ArmController<N, M> {
         self.precomputed = Some((aim, self.responder.trajectory.at(aim)));
     }
 
-    fn remember(&mut self, torque: &TorqueSample) {
+    fn replace_echo(&mut self, torque: &TorqueSample) {
         if let Some(memory) = &mut self.memory {
             memory.replace(&torque.echo);
         }
     }
 
-    fn remembered(&self) -> Remembered {
+    fn history(&self) -> History {
         let Previous { time, velocity } = self.previous;
-        Remembered { memory: self.memory, time, velocity: padded(velocity.as_slice()) }
+        History { memory: self.memory, time, velocity: padded(velocity.as_slice()) }
     }
 }
 

@@ -13,16 +13,18 @@ use mtj_model::{
 
 use crate::prediction;
 
-/// What a controller knows of arm and task, and its law. Generic over the number, so that many loops can
-/// be answered at once, each in its lane.
+/// What a controller knows of arm and task, and its law.
+///
+/// It is generic over the number, so that many loops can be answered at once, each in its lane, and
+/// over the law `L`, so that a program can bring its own.
 #[derive(Clone, Copy, Debug)]
-pub struct Responder<T, A, const M: usize> {
+pub struct Responder<T, A, const M: usize, L = Law<T, M>> {
     /// The arm's geometry, and its mass properties as far as the model knows them.
     pub arm: A,
     /// What the tip should do.
     pub trajectory: Trajectory<T>,
     /// What to do about it.
-    pub law: Law<T, M>,
+    pub law: L,
 }
 
 lift! { struct Responder<T, A, M> { arm, trajectory, law } }
@@ -64,15 +66,22 @@ pub fn is_singular(condition: f64) -> bool {
 impl<const N: usize> Responder<f64, PlanarArm<f64, N>, MAX_AXES> {
     /// What a scenario's controller is made of.
     pub fn of(scenario: &Scenario) -> Self {
+        Self::with_law(scenario, scenario.law.law)
+    }
+}
+
+impl<const N: usize, const M: usize, L> Responder<f64, PlanarArm<f64, N>, M, L> {
+    /// A scenario's arm and trajectory with another law.
+    pub fn with_law(scenario: &Scenario, law: L) -> Self {
         Self {
             arm: scenario.arm.scaled(scenario.law.mass_scale).build(),
             trajectory: scenario.trajectory,
-            law: scenario.law.law,
+            law,
         }
     }
 }
 
-impl<T: Scalar, A, const M: usize> Responder<T, A, M> {
+impl<T: Scalar, A, const M: usize, L: Equation<T, M>> Responder<T, A, M, L> {
     /// The law's answer to the configuration measured at `time`, s, and its signals.
     #[inline(always)]
     pub fn respond<const N: usize>(

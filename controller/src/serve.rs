@@ -1,7 +1,7 @@
 //! The controller as a process: answers the states of whatever plant is on its bus.
 
 use std::{
-    fmt, thread,
+    thread,
     time::{Duration, Instant},
 };
 
@@ -20,34 +20,20 @@ const PATIENCE: Duration = Duration::from_millis(100);
 const PAUSE: Duration = Duration::from_millis(5);
 
 /// Why a controller stopped.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug, thiserror::Error)]
 pub enum ServeError {
     /// The bus failed.
-    Bus(BusError),
+    #[error(transparent)]
+    Bus(#[from] BusError),
     /// The law could not answer.
-    Law(LawError),
+    #[error(transparent)]
+    Law(#[from] LawError),
 }
 
-impl fmt::Display for ServeError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Bus(error) => error.fmt(f),
-            Self::Law(error) => error.fmt(f),
-        }
-    }
-}
-
-impl std::error::Error for ServeError {}
-
-impl From<BusError> for ServeError {
-    fn from(error: BusError) -> Self {
-        Self::Bus(error)
-    }
-}
-
-impl From<LawError> for ServeError {
-    fn from(error: LawError) -> Self {
-        Self::Law(error)
+impl ServeError {
+    /// Whether the user asked for something that cannot be: exit status 2.
+    pub fn is_bad_input(&self) -> bool {
+        matches!(self, Self::Bus(BusError::Settings(_)))
     }
 }
 

@@ -5,7 +5,7 @@ use nalgebra::{SMatrix, SVector};
 use crate::{
     MAX_AXES, lift, matrix,
     scalar::Scalar,
-    scenario::section::{self, ScenarioError, Section},
+    scenario::{ScenarioError, Section, section},
 };
 
 /// A positive definite gain matrix over `M` task axes.

@@ -9,7 +9,7 @@ use nalgebra::SVector;
 use crate::{
     MAX_AXES,
     arm::{Kinematics, planar::Configuration},
-    for_axes, for_links,
+    for_axes, for_joints,
     matrix::padded,
     scenario::{ArmSettings, Scenario},
     task::{self, Task},
@@ -83,7 +83,7 @@ impl Scene {
     /// The tracking error desired − actual at `time` seconds and joint positions `q`, a number for
     /// each axis of the task; entries past the last axis are zero.
     pub fn error(&self, time: f64, q: &[f64]) -> [f64; MAX_AXES] {
-        for_links!(self.arm.links.len(), N => for_axes!(self.task, M => {
+        for_joints!(self.arm.joints(), N => for_axes!(self.task, M => {
             let q = SVector::from_fn(|i, _| q.get(i).copied().unwrap_or(0.0));
             let at = Configuration::<f64, N>::new(&q, &SVector::zeros());
             let tip: SVector<f64, M> = self.arm.build::<N>().tip(&at);

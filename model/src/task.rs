@@ -1,8 +1,54 @@
-//! The task: what of the tip is controlled.
+//! Tasks: what of the tip is controlled, and the tracking error.
 //!
-//! A task is known by the type of its points. [`Task`] is the only place that knows how two points are
-//! compared and how a point is moved, so that an orientation need not be a vector. The tracking error
-//! is computed here and nowhere else.
+//! A task is known by the type of its points. [`Task`] is the only place that knows how to compare two
+//! points and how to move one, so that an orientation need not be a vector. The tracking error is
+//! computed here and nowhere else.
+//!
+//! # A task of one's own
+//!
+//! A direction in the plane. Two directions differ by at most half a turn, which a plain difference of
+//! angles would miss:
+//!
+//! ```
+//! use std::f64::consts::{PI, TAU};
+//!
+//! use mtj_model::{
+//!     task::{Task, Tip, TrackingError},
+//!     trajectory::{Motion, Trajectory},
+//! };
+//! use nalgebra::{SVector, Vector1};
+//!
+//! /// An angle, rad, in (−π, π].
+//! #[derive(Clone, Copy, Debug, PartialEq)]
+//! struct Direction(f64);
+//!
+//! impl Direction {
+//!     fn new(angle: f64) -> Self {
+//!         Self(PI - (PI - angle).rem_euclid(TAU))
+//!     }
+//! }
+//!
+//! impl Task<f64, 1> for Direction {
+//!     fn difference(desired: &Self, actual: &Self) -> SVector<f64, 1> {
+//!         Vector1::new(Self::new(desired.0 - actual.0).0)
+//!     }
+//!     fn integrate(&self, step: &SVector<f64, 1>) -> Self {
+//!         Self::new(self.0 + step.x)
+//!     }
+//!     fn desired(trajectory: &Trajectory<f64>, time: f64) -> Motion<f64, Self, 1> {
+//!         // The x of a trajectory, taken as an angle.
+//!         let Motion { point, velocity, acceleration } = trajectory.at::<1>(time);
+//!         Motion { point: Self::new(point.x), velocity, acceleration }
+//!     }
+//! }
+//!
+//! let zero = Vector1::zeros();
+//! let desired = Motion { point: Direction(3.0), velocity: zero, acceleration: zero };
+//! let tip = Tip { time: 0.0, point: Direction(-3.0), velocity: zero };
+//! let error = TrackingError::between(&desired, &tip);
+//! assert!((error.position.x - (6.0 - TAU)).abs() < 1e-12, "the short way round");
+//! assert_eq!(tip.point.integrate(&error.position), desired.point);
+//! ```
 
 use nalgebra::SVector;
 

@@ -15,6 +15,7 @@ pub mod direct;
 pub mod dormand_prince;
 pub mod durations;
 pub mod engine;
+pub mod error;
 pub mod link;
 mod peer;
 pub mod plant;

@@ -3,11 +3,10 @@
 use std::path::Path;
 
 use mtj_model::scenario::{Dropout, Jitter, LinkSettings};
-use mtj_protocol::bus::BusError;
 use rand_distr::{Distribution, Gamma, Normal};
 use rand_pcg::Pcg64;
 
-use crate::sensor::fraction;
+use crate::{error::LinkError, sensor::fraction};
 
 /// A link that delays and loses what it carries.
 ///
@@ -54,12 +53,16 @@ pub enum Direction {
 
 impl Link {
     /// The link that the settings describe; reads the file of a replay.
-    pub fn new(settings: &LinkSettings, direction: Direction, seed: u64) -> Result<Self, BusError> {
-        let stream = match direction {
-            Direction::State => 2,
-            Direction::Torque => 4,
+    pub fn new(
+        settings: &LinkSettings,
+        direction: Direction,
+        seed: u64,
+    ) -> Result<Self, LinkError> {
+        let (stream, direction) = match direction {
+            Direction::State => (2, "state"),
+            Direction::Torque => (4, "torque"),
         };
-        let refuse = || BusError::Settings("the link's jitter is out of range".to_owned());
+        let refuse = || LinkError::Jitter { direction };
         let mean = settings.latency.as_secs_f64();
         let delay = match &settings.jitter {
             Jitter::None => Delay::Constant,
@@ -75,10 +78,7 @@ impl Link {
                 let (shape, scale) = (mean * mean / variance, variance / mean);
                 Delay::Gamma(Gamma::new(shape, scale).map_err(|_| refuse())?)
             }
-            Jitter::Replay { file } => Delay::Replay {
-                latencies: read_latencies(file).map_err(BusError::Settings)?,
-                next: 0,
-            },
+            Jitter::Replay { file } => Delay::Replay { latencies: read_latencies(file)?, next: 0 },
         };
         Ok(Self {
             latency_ns: settings.latency.as_nanos() as u64,
@@ -142,10 +142,10 @@ impl Link {
 
 /// Reads the latencies of a replay: the column that the header calls `latency_s`, `_ms`, `_us` or
 /// `_ns`.
-fn read_latencies(file: &Path) -> Result<Vec<u64>, String> {
-    let name = file.display();
+fn read_latencies(file: &Path) -> Result<Vec<u64>, LinkError> {
+    let named = || file.to_owned();
     let text = std::fs::read_to_string(file)
-        .map_err(|error| format!("the replayed latencies {name} cannot be read: {error}"))?;
+        .map_err(|source| LinkError::Unreadable { file: named(), source })?;
     let mut lines = text.lines().enumerate();
     let header = lines.next().map(|(_, line)| line).unwrap_or_default();
     let units = [("latency_s", 1e9), ("latency_ms", 1e6), ("latency_us", 1e3), ("latency_ns", 1.0)];
@@ -155,25 +155,19 @@ fn read_latencies(file: &Path) -> Result<Vec<u64>, String> {
         .find_map(|(i, title)| {
             units.iter().find(|(unit, _)| title.trim() == *unit).map(|(_, length)| (i, *length))
         })
-        .ok_or(format!(
-            "{name}: the first line names no column latency_s, latency_ms, latency_us or latency_ns"
-        ))?;
+        .ok_or_else(|| LinkError::NoColumn { file: named() })?;
     let mut latencies = Vec::new();
     for (number, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
-        let latency = line
-            .split(',')
-            .nth(column)
-            .and_then(|field| field.trim().parse::<f64>().ok())
-            .map(|latency| latency * unit)
-            .filter(|nanoseconds| (0.0..1e18).contains(nanoseconds))
-            .ok_or(format!(
-                "{name}, line {}: expected a latency, a number 0 or greater",
-                number + 1
-            ))?;
+        let value = line.split(',').nth(column).unwrap_or_default().trim();
+        let nanoseconds = value.parse::<f64>().ok().map(|latency| latency * unit);
+        let latency =
+            nanoseconds.filter(|nanoseconds| (0.0..1e18).contains(nanoseconds)).ok_or_else(
+                || LinkError::Latency { file: named(), line: number + 1, value: value.to_owned() },
+            )?;
         latencies.push(latency.round() as u64);
     }
     if latencies.is_empty() {
-        return Err(format!("{name}: there are no latencies after the header"));
+        return Err(LinkError::Empty { file: named() });
     }
     Ok(latencies)
 }
@@ -271,10 +265,10 @@ mod tests {
             ("latency_s\n1\n-2\n", "line 3"),
         ] {
             std::fs::write(&file, text).unwrap();
-            let error = read_latencies(&file).unwrap_err();
+            let error = read_latencies(&file).unwrap_err().to_string();
             assert!(error.contains(complaint), "{error}");
         }
         std::fs::remove_file(&file).unwrap();
-        assert!(read_latencies(&file).unwrap_err().contains("cannot be read"));
+        assert!(read_latencies(&file).unwrap_err().to_string().contains("cannot be read"));
     }
 }

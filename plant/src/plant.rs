@@ -19,6 +19,7 @@ use crate::{
     clock::{Clock, Heard, Lockstep, Realtime},
     durations::Durations,
     engine::{Engine, engine},
+    error::{LinkError, PlantError, Refusal},
     peer::Peer,
     report::{Measures, Report},
     request::{self, Answers, Changeable},
@@ -68,12 +69,33 @@ pub fn run(
     exchange: &mut dyn Exchange,
     watch: Watch,
     proceed: &dyn Fn() -> bool,
-) -> Result<Outcome, BusError> {
+) -> Result<Outcome, PlantError> {
+    run_engine(scenario, run, engine(scenario), exchange, watch, proceed)
+}
+
+/// Runs a scenario as [`run`] does, with an engine of one's own in place of the scenario's arm.
+///
+/// The engine begins at the scenario's initial state. What reports and traces say of the tip follows
+/// from its joint angles and the scenario's arm. [`crate::engine`] shows how to write an engine.
+pub fn run_engine(
+    scenario: &Scenario,
+    run: u64,
+    engine: Box<dyn Engine>,
+    exchange: &mut dyn Exchange,
+    watch: Watch,
+    proceed: &dyn Fn() -> bool,
+) -> Result<Outcome, PlantError> {
     let peer = Peer::new(exchange, proceed, watch.round_trips);
+    let has_trace = watch.trace;
     match scenario.timing.clock {
-        ClockKind::Lockstep => Plant::<Lockstep>::new(scenario, run, peer, watch.trace)?.run(),
-        ClockKind::Realtime => Plant::<Realtime>::new(scenario, run, peer, watch.trace)?.run(),
+        ClockKind::Lockstep => {
+            Plant::<Lockstep>::new(scenario, run, engine, peer, has_trace)?.run()
+        }
+        ClockKind::Realtime => {
+            Plant::<Realtime>::new(scenario, run, engine, peer, has_trace)?.run()
+        }
     }
+    .map_err(PlantError::from)
 }
 
 struct Plant<'a, C> {
@@ -103,9 +125,10 @@ impl<'a, C: Clock> Plant<'a, C> {
     fn new(
         scenario: &Scenario,
         run: u64,
+        engine: Box<dyn Engine>,
         peer: Peer<'a>,
         has_trace: bool,
-    ) -> Result<Self, BusError> {
+    ) -> Result<Self, LinkError> {
         let header = Header {
             version: VERSION,
             joints: scenario.arm.links.len() as u32,
@@ -119,7 +142,7 @@ impl<'a, C: Clock> Plant<'a, C> {
             scenario: scenario.clone(),
             peer,
             header,
-            engine: engine(scenario),
+            engine,
             tracking: Tracking::new(scenario),
             sensor: Sensor::new(scenario.noise, scenario.seed),
             agenda: Agenda::new(),
@@ -220,8 +243,8 @@ impl<'a, C: Clock> Plant<'a, C> {
             }
             if !has_complained && started.elapsed() > Duration::from_secs(2) {
                 has_complained = true;
-                eprintln!(
-                    "mtj plant: waiting for a controller in session '{}' on {}",
+                tracing::info!(
+                    "waiting for a controller in session '{}' on {}",
                     self.scenario.bus.session,
                     self.scenario.bus.kind.name()
                 );
@@ -329,16 +352,27 @@ impl<'a, C: Clock> Plant<'a, C> {
             let change = match self.answers.to(&request) {
                 Some(change) => change,
                 None => {
+                    let revision = self.header.revision;
                     let mut target = BeforeSample { plant: self, time_ns };
-                    let outcome = request::carry_out(&request, &mut target)?;
+                    let outcome = request::carry_out(&request, &mut target);
+                    self.offer_changes(revision)?;
                     let sequence = self.sequencer.next_sequence();
                     let header = Header { time_ns, sequence, ..self.header };
-                    self.answers.answer(header, &request, &outcome)
+                    self.answers.answer(header, &request, outcome)
                 }
             };
             self.peer.exchange().announce(&change)?;
         }
         Ok(())
+    }
+
+    /// Offers the scenario if it was changed since this revision, before the first sample of the new
+    /// one, so that a controller can fetch it there.
+    fn offer_changes(&mut self, revision: u32) -> Result<(), BusError> {
+        if self.header.revision == revision {
+            return Ok(());
+        }
+        self.peer.exchange().renew(&self.scenario, self.header.revision)
     }
 
     /// Lets the run's time stand still at `time_ns` until it is to go on.
@@ -419,17 +453,13 @@ impl<C: Clock> Changeable for BeforeSample<'_, '_, C> {
         &self.plant.scenario
     }
 
-    fn change(&mut self, scenario: Scenario) -> Result<Result<(), String>, BusError> {
+    fn change(&mut self, scenario: Scenario) -> Result<(), Refusal> {
         let plant = &mut *self.plant;
-        if let Err(error) = plant.sequencer.reconfigure(&plant.scenario, &scenario) {
-            return Ok(Err(error.to_string()));
-        }
+        plant.sequencer.reconfigure(&plant.scenario, &scenario)?;
         plant.sensor.set_noise(scenario.noise);
         plant.header.revision += 1;
-        // Offered before the first sample of this revision, so that a controller can fetch it there.
-        plant.peer.exchange().renew(&scenario, plant.header.revision)?;
         plant.scenario = scenario;
-        Ok(Ok(()))
+        Ok(())
     }
 
     fn disturb(&mut self, torque: Joints, duration_ns: u64) {

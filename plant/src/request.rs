@@ -4,10 +4,11 @@ use std::collections::VecDeque;
 
 use mtj_model::scenario::{Override, Scenario};
 use mtj_protocol::{
-    bus::BusError,
     knob::Knob,
     sample::{ChangeSample, Header, Joints, RequestSample, padded},
 };
+
+use crate::error::Refusal;
 
 /// How many requests are dealt with at a time, so that a flood of them does not hold up the loop.
 pub(crate) const AT_A_TIME: usize = 8;
@@ -18,8 +19,8 @@ const REMEMBERED: usize = 64;
 pub(crate) trait Changeable {
     /// The scenario as it is by now.
     fn scenario(&self) -> &Scenario;
-    /// Takes on a changed scenario; a reason, if that cannot be.
-    fn change(&mut self, scenario: Scenario) -> Result<Result<(), String>, BusError>;
+    /// Goes on with a changed scenario.
+    fn change(&mut self, scenario: Scenario) -> Result<(), Refusal>;
     /// A torque acts beside the actuator's from now on for so long, N m.
     fn disturb(&mut self, torque: Joints, duration_ns: u64);
     /// Lets the run stand still, or go on.
@@ -28,28 +29,26 @@ pub(crate) trait Changeable {
     fn reset(&mut self);
 }
 
-/// Carries out a request; a reason, if that cannot be.
+/// Carries out a request.
 pub(crate) fn carry_out(
     request: &RequestSample,
     target: &mut impl Changeable,
-) -> Result<Result<(), String>, BusError> {
-    match Knob::of(request) {
-        Err(reason) => return Ok(Err(reason)),
-        Ok(Knob::Set(sets)) => {
-            let sets: Result<Vec<Override>, _> = sets.iter().map(|set| set.parse()).collect();
-            return match sets.and_then(|sets| target.scenario().changed(&sets)) {
-                Ok(scenario) => target.change(scenario),
-                Err(error) => Ok(Err(error.to_string())),
-            };
+) -> Result<(), Refusal> {
+    match Knob::of(request).map_err(Refusal::Request)? {
+        Knob::Set(sets) => {
+            let sets: Vec<Override> =
+                sets.iter().map(|set| set.parse()).collect::<Result<_, _>>()?;
+            let scenario = target.scenario().changed(&sets)?;
+            target.change(scenario)?;
         }
-        Ok(Knob::Pause) => target.pause(true),
-        Ok(Knob::Resume) => target.pause(false),
-        Ok(Knob::Reset) => target.reset(),
-        Ok(Knob::Kick { torque, milliseconds }) => {
+        Knob::Pause => target.pause(true),
+        Knob::Resume => target.pause(false),
+        Knob::Reset => target.reset(),
+        Knob::Kick { torque, milliseconds } => {
             target.disturb(padded(&torque), (milliseconds * 1e6).round() as u64);
         }
     }
-    Ok(Ok(()))
+    Ok(())
 }
 
 /// What became of the newest requests.
@@ -67,8 +66,9 @@ impl Answers {
         &mut self,
         header: Header,
         request: &RequestSample,
-        outcome: &Result<(), String>,
+        outcome: Result<(), Refusal>,
     ) -> ChangeSample {
+        let outcome = outcome.map_err(|refusal| refusal.to_string());
         let outcome = outcome.as_ref().map_err(String::as_str).copied();
         let change = ChangeSample::answer(header, request, outcome);
         if self.0.len() == REMEMBERED {

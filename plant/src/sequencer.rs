@@ -16,11 +16,11 @@
 use std::time::Duration;
 
 use mtj_model::{MAX_ECHO, MAX_JOINTS, scenario::Scenario};
-use mtj_protocol::bus::BusError;
 use serde::{Deserialize, Serialize};
 
 use crate::{
     actuator::{Actuator, Command},
+    error::LinkError,
     link::{Direction, Link},
 };
 
@@ -73,7 +73,7 @@ pub struct Sequencer<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
 
 impl<const N: usize, const E: usize> Sequencer<N, E> {
     /// Before the first sample.
-    pub fn new(scenario: &Scenario) -> Result<Self, BusError> {
+    pub fn new(scenario: &Scenario) -> Result<Self, LinkError> {
         let (links, seed) = (&scenario.link, scenario.seed);
         Ok(Self {
             period_ns: nanoseconds(scenario.timing.sample_period),
@@ -93,7 +93,7 @@ impl<const N: usize, const E: usize> Sequencer<N, E> {
 
     /// Takes on a scenario that was changed from `before` between two samples; if it fails, nothing
     /// changes. A link that is as before goes on with its random numbers.
-    pub fn reconfigure(&mut self, before: &Scenario, scenario: &Scenario) -> Result<(), BusError> {
+    pub fn reconfigure(&mut self, before: &Scenario, scenario: &Scenario) -> Result<(), LinkError> {
         let (links, before) = (&scenario.link, &before.link);
         let changed = |settings, before, direction| {
             let link = || Link::new(settings, direction, scenario.seed);

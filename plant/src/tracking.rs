@@ -2,7 +2,7 @@
 
 use mtj_model::{
     arm::{Kinematics, planar::Configuration},
-    for_axes, for_links,
+    for_axes, for_joints,
     matrix::padded,
     scenario::Scenario,
     task::Task,
@@ -30,7 +30,7 @@ impl Tracking {
     /// With the kinematics of a scenario's arm and its desired motion.
     pub fn new(scenario: &Scenario) -> Self {
         let trajectory = scenario.trajectory;
-        Self(for_links!(scenario.arm.links.len(), N => for_axes!(scenario.task, M => {
+        Self(for_joints!(scenario.arm.joints(), N => for_axes!(scenario.task, M => {
             let arm = scenario.arm.build::<N>();
             Box::new(move |state| {
                 let joints = |list: &[f64]| SVector::<f64, N>::from_column_slice(&list[..N]);

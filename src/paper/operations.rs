@@ -6,8 +6,9 @@
 use std::fmt;
 
 use mtj_model::{
+    JointCount,
     arm::TaskDynamics,
-    for_links,
+    for_joints,
     gains::Gains,
     law::{
         factor::{Factor, FactorKind, Thresholds},
@@ -102,7 +103,10 @@ impl Counts {
 
 /// Counts every law at every size.
 pub fn count_all() -> Vec<Counts> {
-    SIZES.map(|n| for_links!(n, N => count_at::<N>())).collect()
+    SIZES
+        .filter_map(|n| JointCount::new(n as usize))
+        .map(|joints| for_joints!(joints, N => count_at::<N>()))
+        .collect()
 }
 
 fn count_at<const N: usize>() -> Counts {

@@ -7,8 +7,7 @@ use std::{
 };
 
 use mtj_model::scenario::{Scenario, ScenarioError};
-use mtj_plant::plant::Outcome;
-use mtj_protocol::bus::BusError;
+use mtj_plant::{error::PlantError, plant::Outcome};
 
 use mtj_study::experiment;
 
@@ -36,7 +35,7 @@ pub enum RunsError {
     Scenario(#[from] ScenarioError),
     /// A run failed.
     #[error(transparent)]
-    Bus(#[from] BusError),
+    Plant(#[from] PlantError),
     /// A run was stopped, or a figure needs one that was not made.
     #[error("the run paper/{0} was not completed")]
     Incomplete(String),
@@ -47,7 +46,7 @@ impl RunsError {
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::Scenario(_) => true,
-            Self::Bus(error) => matches!(error, BusError::Settings(_)),
+            Self::Plant(error) => error.is_bad_input(),
             Self::Incomplete(_) => false,
         }
     }
@@ -97,7 +96,7 @@ pub fn scenario(name: &str) -> Result<Scenario, ScenarioError> {
 
 fn run(name: &str, proceed: &dyn Fn() -> bool) -> Result<Outcome, RunsError> {
     let outcome =
-        experiment::run_direct(&scenario(name)?, true, proceed).map_err(RunsError::Bus)?;
+        experiment::run_direct(&scenario(name)?, true, proceed).map_err(RunsError::Plant)?;
     if outcome.interrupted {
         return Err(RunsError::Incomplete(name.to_owned()));
     }

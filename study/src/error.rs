@@ -4,6 +4,7 @@ use std::{io, path::PathBuf};
 
 use mtj_figure::FigureError;
 use mtj_model::scenario::ScenarioError;
+use mtj_plant::error::PlantError;
 use mtj_protocol::bus::BusError;
 
 /// Why a study, a prediction or a proposal of gains failed.
@@ -13,6 +14,9 @@ pub enum StudyError {
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
     /// A run failed.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
+    /// A bus could not be opened.
     #[error(transparent)]
     Bus(#[from] BusError),
     /// A figure could not be drawn or written.
@@ -122,6 +126,7 @@ impl StudyError {
     /// Whether the user asked for something that cannot be.
     pub fn is_bad_input(&self) -> bool {
         match self {
+            Self::Plant(error) => error.is_bad_input(),
             Self::Bus(error) => matches!(error, BusError::Settings(_)),
             Self::Figure(error) => error.is_bad_input(),
             Self::Scenario(_)

@@ -6,6 +6,7 @@ use mtj_controller::{Controller, serve};
 use mtj_model::scenario::{ClockKind, Scenario};
 use mtj_plant::{
     direct::Direct,
+    error::PlantError,
     plant::{self, Outcome, Watch},
 };
 use mtj_protocol::{
@@ -21,7 +22,7 @@ pub fn run(
     scenario: &Scenario,
     trace: bool,
     proceed: &(dyn Fn() -> bool + Sync),
-) -> Result<Outcome, BusError> {
+) -> Result<Outcome, PlantError> {
     match scenario.timing.clock {
         ClockKind::Lockstep => run_direct(scenario, trace, proceed),
         ClockKind::Realtime => run_in_threads(scenario, trace, proceed),
@@ -33,7 +34,7 @@ pub fn run_direct(
     scenario: &Scenario,
     trace: bool,
     proceed: &dyn Fn() -> bool,
-) -> Result<Outcome, BusError> {
+) -> Result<Outcome, PlantError> {
     let mut controller = Controller::new(scenario);
     let mut exchange = Direct::new(0, |state: &_| controller.respond(state).copied());
     plant::run(scenario, 0, &mut exchange, Watch { trace, round_trips: false }, proceed)
@@ -44,7 +45,7 @@ pub fn run_in_threads(
     scenario: &Scenario,
     trace: bool,
     proceed: &(dyn Fn() -> bool + Sync),
-) -> Result<Outcome, BusError> {
+) -> Result<Outcome, PlantError> {
     let bus = LocalBus::default();
     let run = 1;
     thread::scope(|scope| {
@@ -60,9 +61,9 @@ pub fn run_in_threads(
                 && matches!(wait_for_done.try_recv(), Err(std::sync::mpsc::TryRecvError::Empty))
         };
         let served = serve::serve(&bus, &Member::new(Role::Controller, 0), None, &running);
-        let outcome = plant
-            .join()
-            .unwrap_or_else(|_| Err(BusError::Transport("the plant's thread panicked".to_owned())));
-        served.map_err(|error| BusError::Controller(error.to_string())).and(outcome)
+        let outcome = plant.join().unwrap_or_else(|_| {
+            Err(BusError::Transport("the plant's thread panicked".to_owned()).into())
+        });
+        served.map_err(|error| BusError::Controller(error.to_string()).into()).and(outcome)
     })
 }

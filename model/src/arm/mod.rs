@@ -1,8 +1,76 @@
-//! The arm: kinematics and rigid-body dynamics of a chain of joints.
+//! Arms: kinematics and rigid-body dynamics of a chain of joints.
 //!
 //! An arm of `N` joints is an [`Arm`]; what its tip does in a task with `M` axes is its [`Kinematics`].
 //! Both compute from a configuration, which holds what is expensive, the sines and cosines, once.
-//! To add an arm, write a file like [`planar`] and name it in `scenario::ArmSettings`.
+//! To add an arm that scenarios can name, write a file like [`planar`] and name it in
+//! `scenario::ArmSettings`.
+//!
+//! # An arm of one's own
+//!
+//! Laws, responders and lanes are generic over these traits. A carriage on a rail with a mast that
+//! lifts the tip, its two joints sliding along x and y: x = q, J = 1, H = diag(m + M, m), C = (0, m g).
+//!
+//! ```
+//! use mtj_model::arm::{Arm, Kinematics};
+//! use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
+//!
+//! #[derive(Clone, Copy)]
+//! struct Gantry {
+//!     /// M, kg.
+//!     carriage: f64,
+//!     /// m, kg.
+//!     load: f64,
+//! }
+//!
+//! impl Arm<f64, 2> for Gantry {
+//!     /// q, m, and q̇, m/s.
+//!     type Configuration = [Vector2<f64>; 2];
+//!
+//!     fn configuration(q: &Vector2<f64>, q_dot: &Vector2<f64>) -> Self::Configuration {
+//!         [*q, *q_dot]
+//!     }
+//!     fn combine(
+//!         one: &Self::Configuration,
+//!         other: &Self::Configuration,
+//!         choose: impl Fn(f64, f64) -> f64,
+//!     ) -> Self::Configuration {
+//!         std::array::from_fn(|i| one[i].zip_map(&other[i], &choose))
+//!     }
+//!     fn inertia(&self, _: &Self::Configuration) -> Matrix2<f64> {
+//!         Matrix2::from_diagonal(&Vector2::new(self.load + self.carriage, self.load))
+//!     }
+//!     fn velocity_terms(&self, _: &Self::Configuration) -> Vector2<f64> {
+//!         Vector2::new(0.0, self.load * 9.81)
+//!     }
+//!     fn acceleration(&self, at: &Self::Configuration, force: &Vector2<f64>) -> Vector2<f64> {
+//!         (force - self.velocity_terms(at)).component_div(&self.inertia(at).diagonal())
+//!     }
+//! }
+//!
+//! impl Kinematics<f64, 2, 2> for Gantry {
+//!     type Point = Vector2<f64>;
+//!
+//!     fn tip(&self, [q, _]: &[Vector2<f64>; 2]) -> Vector2<f64> {
+//!         *q
+//!     }
+//!     fn tip_velocity(&self, [_, q_dot]: &[Vector2<f64>; 2]) -> SVector<f64, 2> {
+//!         *q_dot
+//!     }
+//!     fn jacobian(&self, _: &[Vector2<f64>; 2]) -> SMatrix<f64, 2, 2> {
+//!         Matrix2::identity()
+//!     }
+//!     fn jacobian_rate_velocity(&self, _: &[Vector2<f64>; 2]) -> SVector<f64, 2> {
+//!         Vector2::zeros()
+//!     }
+//! }
+//!
+//! let gantry = Gantry { carriage: 4.0, load: 1.0 };
+//! let at = Gantry::configuration(&Vector2::new(0.5, 1.0), &Vector2::new(0.1, 0.0));
+//! let force = Vector2::new(2.0, 9.81);
+//! let q_ddot = gantry.acceleration(&at, &force);
+//! assert!((gantry.inertia(&at) * q_ddot + gantry.velocity_terms(&at) - force).norm() < 1e-12);
+//! assert_eq!(gantry.jacobian(&at) * at[1], gantry.tip_velocity(&at));
+//! ```
 
 pub mod planar;
 pub mod point_mass;

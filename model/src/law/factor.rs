@@ -9,7 +9,7 @@ use super::{
 use crate::{
     MAX_AXES, lift, matrix,
     scalar::Scalar,
-    scenario::section::{self, ScenarioError, Section},
+    scenario::{ScenarioError, Section, section},
     task::TrackingError,
 };
 

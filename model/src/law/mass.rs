@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::{
-    Situation,
+    Situation, Unsuited,
     describe::{Default, Form, Parameter},
 };
 use crate::{
@@ -12,10 +12,7 @@ use crate::{
     gains::Gains,
     lift, matrix,
     scalar::Scalar,
-    scenario::{
-        arm::ArmSettings,
-        section::{ScenarioError, Section},
-    },
+    scenario::{ArmSettings, ScenarioError, Section},
     task,
 };
 
@@ -75,18 +72,12 @@ impl Mass<f64, MAX_AXES> {
         &self,
         arm: &ArmSettings,
         task: &task::Description,
-    ) -> Result<(), (&'static str, String)> {
+    ) -> Result<(), Unsuited> {
         let (joints, axes) = (arm.links.len(), task.axes.len());
         if *self != Self::TaskInertia || joints >= axes {
             return Ok(());
         }
-        Err((
-            "mass",
-            format!(
-                "a number, a list or a matrix, because the task inertia needs a Jacobian of full rank \
-                 and this arm has {joints} joints for {axes} task axes"
-            ),
-        ))
+        Err(Unsuited::NoTaskInertia { joints, axes })
     }
 }
 

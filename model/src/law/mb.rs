@@ -3,7 +3,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation,
+    Command, Declaration, Equation, Signals, Situation, Unsuited,
     describe::{Description, Parameter},
     mass,
     tj::{FORCE, KD, KP},
@@ -14,10 +14,7 @@ use crate::{
     gains::Gains,
     lift, matrix,
     scalar::Scalar,
-    scenario::{
-        arm::ArmSettings,
-        section::{ScenarioError, Section},
-    },
+    scenario::{ArmSettings, ScenarioError, Section},
     task::{self, TrackingError},
 };
 
@@ -62,22 +59,9 @@ impl Declaration for ModelBased<f64, MAX_AXES> {
         Ok(Self { kp: Gains::required(law, "kp", axes)?, kd: Gains::required(law, "kd", axes)? })
     }
 
-    fn check(
-        &self,
-        arm: &ArmSettings,
-        task: &task::Description,
-    ) -> Result<(), (&'static str, String)> {
+    fn check(&self, arm: &ArmSettings, task: &task::Description) -> Result<(), Unsuited> {
         let (joints, axes) = (arm.links.len(), task.axes.len());
-        if joints == axes {
-            return Ok(());
-        }
-        Err((
-            "kind",
-            format!(
-                "tj or mtj, because mb inverts the Jacobian and this arm's is not square ({joints} joints \
-                 for {axes} task axes)"
-            ),
-        ))
+        if joints == axes { Ok(()) } else { Err(Unsuited::NotSquare { joints, axes }) }
     }
 }
 

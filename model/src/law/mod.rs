@@ -1,12 +1,69 @@
 //! The control laws, one file each, and their registry.
 //!
-//! A law turns what is known at a sampling instant, a [`Situation`], into a [`Command`], joint torques and
-//! an echo, and into [`Signals`] to show. What it remembers travels as the echo: the plant holds it with the
-//! torque, scales it with it, and returns it, so that memory and prediction work for every law.
+//! A law turns a [`Situation`], what is known at a sampling instant, into a [`Command`], joint torques
+//! and an echo, and into [`Signals`] to show. A law keeps no state. What it needs of the sample before
+//! travels as the echo: the plant holds it with the torque, scales it with the torque, and returns it.
+//! So memory and prediction work for every law.
 //!
-//! To add a law, write a file like `tj.rs` and add one line to the registry below. Settings and their
-//! validation, the name on the wire and in print, recordings, displays and the lanes of a sweep follow
-//! from what that file declares.
+//! To add a law that scenarios can name, write a file like `tj.rs` and add one line to `register!`
+//! below. Settings and their validation, the name on the wire and in print, recordings, displays and
+//! the lanes of a sweep follow from what that file declares.
+//!
+//! # A law of one's own
+//!
+//! A program need not register its law: `mtj_controller::Controller::with_law` takes anything that is
+//! an [`Equation`]. This one pulls with a force that never exceeds a bound F, N, whatever the error:
+//! Q̂ᵢ = F tanh(K_p eᵢ / F) + K_d ėᵢ, eq. (7) with a spring that saturates.
+//!
+//! ```
+//! use mtj_model::{
+//!     MAX_SIGNALS,
+//!     arm::{Arm, Kinematics, point_mass::PointMass},
+//!     law::{Command, Equation, Signals, Situation},
+//!     task::TrackingError,
+//!     trajectory::Motion,
+//! };
+//! use nalgebra::{SVector, Vector2};
+//!
+//! #[derive(Clone, Copy)]
+//! struct Saturated {
+//!     /// K_p, N/m.
+//!     kp: f64,
+//!     /// K_d, N s/m.
+//!     kd: f64,
+//!     /// F, N.
+//!     bound: f64,
+//! }
+//!
+//! impl<const M: usize> Equation<f64, M> for Saturated {
+//!     fn command<A: Kinematics<f64, N, M>, const N: usize>(
+//!         &self,
+//!         now: &Situation<'_, f64, A, N, M>,
+//!         _: &mut Signals<f64>,
+//!     ) -> Command<f64, N> {
+//!         let spring = now.error.position.map(|e| self.bound * (self.kp * e / self.bound).tanh());
+//!         Command::of_task_force(&now.jacobian(), &(spring + now.error.velocity * self.kd))
+//!     }
+//! }
+//!
+//! // A point mass is its own tip: J = 1, so the torque is the task force.
+//! let (arm, zero) = (PointMass { mass: 3.0 }, Vector2::zeros());
+//! let at = PointMass::configuration(&zero, &zero);
+//! let desired = Motion { point: Vector2::new(1e-3, 50.0), velocity: zero, acceleration: zero };
+//! let error: TrackingError<f64, 2> = TrackingError { position: desired.point, velocity: zero };
+//! let now = Situation {
+//!     arm: &arm,
+//!     at: &at,
+//!     desired: &desired,
+//!     error: &error,
+//!     acceleration: &zero,
+//!     memory: None,
+//! };
+//! let law = Saturated { kp: 30.0, kd: 60.0, bound: 20.0 };
+//! let torque: SVector<f64, 2> = law.command(&now, &mut [0.0; MAX_SIGNALS]).torque;
+//! assert!((torque.x - 0.03).abs() < 1e-6, "a spring for small errors");
+//! assert!((torque.y - 20.0).abs() < 1e-6, "never more than the bound");
+//! ```
 
 pub mod describe;
 pub mod factor;
@@ -26,10 +83,7 @@ use crate::{
     lift,
     matrix::{self, padded},
     scalar::Scalar,
-    scenario::{
-        arm::ArmSettings,
-        section::{ScenarioError, Section},
-    },
+    scenario::{ArmSettings, ScenarioError, Section},
     task::{self, TrackingError},
     trajectory::Motion,
 };
@@ -100,8 +154,10 @@ fn recalled<T: Scalar, const M: usize>(echo: &Echo<T>) -> SVector<T, M> {
 
 /// The equation of a law for a task with `M` axes.
 pub trait Equation<T: Scalar, const M: usize>: Copy {
-    /// The law's answer to a situation. Writes its signals into `signals`, the same entries at every call;
-    /// entries past its last signal stay as they are.
+    /// Computes joint torques and echo from a situation.
+    ///
+    /// Writes the law's signals into `signals`, the same entries at every call; entries past its last
+    /// signal stay as they are. Runs between state and torque: no allocation, no lock, no I/O.
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
         now: &Situation<'_, T, A, N, M>,
@@ -114,6 +170,43 @@ pub trait Equation<T: Scalar, const M: usize>: Copy {
     }
 }
 
+/// Why a law cannot control an arm in a task; the sentence says what the key should be instead.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Unsuited {
+    /// The law inverts J, which has to be square for that.
+    #[error(
+        "tj or mtj, because mb inverts the Jacobian and this arm's is not square ({joints} joints \
+         for {axes} task axes)"
+    )]
+    NotSquare {
+        /// Joints of the arm.
+        joints: usize,
+        /// Axes of the task.
+        axes: usize,
+    },
+    /// The law inverts J H⁻¹ Jᵀ, for which J needs full rank.
+    #[error(
+        "a number, a list or a matrix, because the task inertia needs a Jacobian of full rank and \
+         this arm has {joints} joints for {axes} task axes"
+    )]
+    NoTaskInertia {
+        /// Joints of the arm.
+        joints: usize,
+        /// Axes of the task.
+        axes: usize,
+    },
+}
+
+impl Unsuited {
+    /// The key of the `law` table that has to change.
+    pub fn key(&self) -> &'static str {
+        match self {
+            Self::NotSquare { .. } => "kind",
+            Self::NoTaskInertia { .. } => "mass",
+        }
+    }
+}
+
 /// What a law declares of itself; implemented by its settings.
 trait Declaration: Sized {
     /// Its name, parameters and signals.
@@ -122,8 +215,8 @@ trait Declaration: Sized {
     /// Reads the settings from a scenario's `law` table, for a task with so many axes.
     fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError>;
 
-    /// Why the law cannot control an arm, as the key and what would be accepted.
-    fn check(&self, _: &ArmSettings, _: &task::Description) -> Result<(), (&'static str, String)> {
+    /// Whether the law can control an arm in a task.
+    fn check(&self, _: &ArmSettings, _: &task::Description) -> Result<(), Unsuited> {
         Ok(())
     }
 }
@@ -187,12 +280,8 @@ macro_rules! register {
                 chosen.ok_or_else(|| law.refuse("kind", "the name of a law"))
             }
 
-            /// Why the law cannot control an arm, as the key and what would be accepted.
-            pub fn check(
-                &self,
-                arm: &ArmSettings,
-                task: &task::Description,
-            ) -> Result<(), (&'static str, String)> {
+            /// Whether the law can control an arm in a task.
+            pub fn check(&self, arm: &ArmSettings, task: &task::Description) -> Result<(), Unsuited> {
                 match self {
                     $(Self::$variant(law) => law.check(arm, task),)*
                 }
@@ -215,8 +304,10 @@ pub fn find(name: &str) -> Option<&'static Description> {
 
 /// Whether a law refuses a value that is there and that the law of this name has no use for.
 fn is_for_others(error: &ScenarioError, name: &str) -> bool {
-    let reads = |key: &Parameter| error.key.starts_with(key.key);
-    error.value.is_some() && !find(name).is_some_and(|chosen| chosen.parameters.iter().any(reads))
+    error.refused_key().is_some_and(|refused| {
+        let reads = |key: &Parameter| refused.starts_with(key.key);
+        !find(name).is_some_and(|chosen| chosen.parameters.iter().any(reads))
+    })
 }
 
 impl Law<f64, MAX_AXES> {

@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation,
+    Command, Declaration, Equation, Signals, Situation, Unsuited,
     describe::{Default, Description, Form, Parameter},
     factor::{self, Factor, Remembered},
     mass::{self, Mass},
@@ -15,10 +15,7 @@ use crate::{
     arm::Kinematics,
     lift,
     scalar::Scalar,
-    scenario::{
-        arm::ArmSettings,
-        section::{ScenarioError, Section},
-    },
+    scenario::{ArmSettings, ScenarioError, Section},
     task::{self, TrackingError},
 };
 
@@ -75,11 +72,7 @@ impl Declaration for ModifiedTransposeJacobian<f64, MAX_AXES> {
         Ok(Self { tj, factor, acceleration: flag.unwrap_or(false).then_some(mass) })
     }
 
-    fn check(
-        &self,
-        arm: &ArmSettings,
-        task: &task::Description,
-    ) -> Result<(), (&'static str, String)> {
+    fn check(&self, arm: &ArmSettings, task: &task::Description) -> Result<(), Unsuited> {
         self.acceleration.map_or(Ok(()), |mass| mass.check(arm, task))
     }
 }

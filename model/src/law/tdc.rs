@@ -1,7 +1,7 @@
 //! Time-delay control.
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation,
+    Command, Declaration, Equation, Signals, Situation, Unsuited,
     describe::{Default, Description, Parameter},
     factor::{self, Factor},
     mass::{self, Mass},
@@ -15,10 +15,7 @@ use crate::{
     gains::Gains,
     lift,
     scalar::Scalar,
-    scenario::{
-        arm::ArmSettings,
-        section::{ScenarioError, Section},
-    },
+    scenario::{ArmSettings, ScenarioError, Section},
     task,
 };
 
@@ -72,11 +69,7 @@ impl Declaration for TimeDelay<f64, MAX_AXES> {
         })
     }
 
-    fn check(
-        &self,
-        arm: &ArmSettings,
-        task: &task::Description,
-    ) -> Result<(), (&'static str, String)> {
+    fn check(&self, arm: &ArmSettings, task: &task::Description) -> Result<(), Unsuited> {
         self.mass.check(arm, task)
     }
 }

@@ -12,7 +12,7 @@ use crate::{
     gains::Gains,
     lift,
     scalar::Scalar,
-    scenario::section::{ScenarioError, Section},
+    scenario::{ScenarioError, Section},
     task::TrackingError,
 };
 

@@ -1,28 +1,62 @@
 //! The arm of a scenario.
 
+use std::ops::{Deref, DerefMut};
+
 use nalgebra::{DMatrix, SMatrix, SVector, Vector2};
 
-use super::section::{self, ScenarioError, Section};
+use super::{
+    error::ScenarioError,
+    section::{self, Section},
+};
 use crate::{
-    MAX_JOINTS,
+    JointCount,
     arm::{
         Kinematics,
         planar::{Configuration, Link, PlanarArm},
     },
-    for_axes, for_links, task,
+    for_axes, for_joints, task,
 };
 
 /// Links and initial state of a planar arm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ArmSettings {
-    /// One to seven links, base first.
-    pub links: Vec<Link<f64>>,
+    /// The links, base first.
+    pub links: Chain,
     /// Gravitational acceleration in the plane, m/s².
     pub gravity: Vector2<f64>,
     /// Initial joint angles, rad; as many as links.
     pub position: Vec<f64>,
     /// Initial joint velocities, rad/s; as many as links.
     pub velocity: Vec<f64>,
+}
+
+/// One to seven links: a slice of them whose length is a [`JointCount`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Chain {
+    links: Vec<Link<f64>>,
+    count: JointCount,
+}
+
+impl Chain {
+    /// A chain of links, base first; `None` if there are none or too many.
+    pub fn new(links: Vec<Link<f64>>) -> Option<Self> {
+        let count = JointCount::new(links.len())?;
+        Some(Self { links, count })
+    }
+}
+
+impl Deref for Chain {
+    type Target = [Link<f64>];
+
+    fn deref(&self) -> &[Link<f64>] {
+        &self.links
+    }
+}
+
+impl DerefMut for Chain {
+    fn deref_mut(&mut self) -> &mut [Link<f64>] {
+        &mut self.links
+    }
 }
 
 /// Below this ratio of the smallest to the largest singular value of J a start counts as singular.
@@ -33,10 +67,8 @@ impl ArmSettings {
         arm.choice("kind", &[("planar", ())], Some(()))?;
         let expected = "1 to 7 links, each {length, mass, center, inertia}";
         let sections = arm.sections("links", expected)?;
-        if sections.is_empty() || sections.len() > MAX_JOINTS {
-            return Err(arm.refuse("links", expected));
-        }
         let links = sections.into_iter().map(read_link).collect::<Result<Vec<_>, _>>()?;
+        let links = Chain::new(links).ok_or_else(|| arm.refuse("links", expected))?;
         let count = links.len();
         let per_joint = |key, unit| {
             let expected = format!("a list of {count} numbers in {unit}, one for each link");
@@ -50,7 +82,8 @@ impl ArmSettings {
         })?;
         let gravity = gravity.map_or_else(Vector2::zeros, |g| Vector2::new(g[0], g[1]));
         let settings = Self { links, gravity, position, velocity };
-        if for_links!(count, N => for_axes!(task, M => settings.is_singular::<N, M>())) {
+        if for_joints!(settings.joints(), N => for_axes!(task, M => settings.is_singular::<N, M>()))
+        {
             return Err(arm.refuse(
                 "position",
                 "a start that is not singular (the links lie in one line, where no torque moves the \
@@ -61,6 +94,11 @@ impl ArmSettings {
         Ok(settings)
     }
 
+    /// How many joints there are.
+    pub fn joints(&self) -> JointCount {
+        self.links.count
+    }
+
     /// The arm with static dimensions; `N` is the number of links.
     pub fn build<const N: usize>(&self) -> PlanarArm<f64, N> {
         PlanarArm::new(&std::array::from_fn(|i| self.links[i]), self.gravity)
@@ -69,7 +107,7 @@ impl ArmSettings {
     /// The same arm with all masses and inertias multiplied by `mass_scale`.
     pub fn scaled(&self, mass_scale: f64) -> Self {
         let mut arm = self.clone();
-        for link in &mut arm.links {
+        for link in arm.links.iter_mut() {
             link.mass *= mass_scale;
             link.inertia *= mass_scale;
         }
@@ -80,7 +118,7 @@ impl ArmSettings {
     ///
     /// Angles that are missing are taken as zero.
     pub fn ends(&self, q: &[f64]) -> Vec<Vector2<f64>> {
-        for_links!(self.links.len(), N => {
+        for_joints!(self.joints(), N => {
             let q = SVector::<f64, N>::from_fn(|i, _| q.get(i).copied().unwrap_or(0.0));
             self.build::<N>().ends(&Configuration::new(&q, &SVector::zeros())).to_vec()
         })

@@ -2,7 +2,10 @@
 
 use std::{path::PathBuf, time::Duration};
 
-use super::section::{Origin, ScenarioError, Section};
+use super::{
+    error::ScenarioError,
+    section::{Origin, Section},
+};
 
 /// The bus a session runs on.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -16,14 +16,10 @@ impl Scenario {
             })
         };
         if let Some(fixed) = sets.iter().find(|set| !is_live(set.path())) {
-            return Err(ScenarioError {
-                origin: "--set".to_owned(),
+            return Err(ScenarioError::NotLive {
                 key: fixed.path().to_owned(),
-                value: Some(fixed.value.to_string()),
-                expected: format!(
-                    "a key that a running loop can change ({}); for others start the plant anew",
-                    LIVE.join(", ")
-                ),
+                value: fixed.value.to_string(),
+                live: LIVE.join(", "),
             });
         }
         Self::parse(&self.name, &self.text, sets)

@@ -7,6 +7,7 @@ pub(crate) mod arm;
 mod builtin;
 mod bus;
 pub mod duration;
+mod error;
 mod law;
 mod link;
 mod live;
@@ -15,17 +16,18 @@ pub mod section;
 mod timing;
 mod trajectory;
 
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 use toml::{Table, Value};
 
-pub use arm::ArmSettings;
+pub use arm::{ArmSettings, Chain};
 pub use builtin::{BUILT_IN, built_in};
 pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, DEFAULT_SPIN, Wait, is_name};
+pub use error::ScenarioError;
 pub use law::{Horizon, LawSettings, MEMORY, MemoryPolicy, MemorySettings, PREDICTION};
 pub use link::{Dropout, Jitter, LinkSettings, Links};
 pub use safety::{OnTimeout, Safety};
-pub use section::{Origin, ScenarioError, Section};
+pub use section::{Origin, Section};
 pub use timing::{ClockKind, Timing};
 
 use crate::{
@@ -112,12 +114,7 @@ impl std::str::FromStr for Override {
     /// Reads `key=value`. The value is TOML; what is not, is taken as a string, so that quotes may
     /// be left out: `link.torque.latency=1ms`.
     fn from_str(text: &str) -> Result<Self, ScenarioError> {
-        let refuse = || ScenarioError {
-            origin: "--set".to_owned(),
-            key: text.to_owned(),
-            value: None,
-            expected: "KEY=VALUE, like law.memory.policy=delivered".to_owned(),
-        };
+        let refuse = || ScenarioError::Assignment { text: text.to_owned() };
         let (path, value) = text.split_once('=').ok_or_else(refuse)?;
         let path = path.trim();
         if path.is_empty() {
@@ -137,11 +134,11 @@ fn read_value(text: &str) -> Value {
 impl Scenario {
     /// Loads a built-in scenario by its name or, failing that, a file, and lays `overrides` over it.
     pub fn load(name: &str, overrides: &[Override]) -> Result<Self, ScenarioError> {
-        Template::load(name, overrides)?.with(overrides)
+        Template::load(name)?.with(overrides)
     }
     /// Reads and validates a TOML text called `name` with `overrides` laid over it.
     pub fn parse(name: &str, text: &str, overrides: &[Override]) -> Result<Self, ScenarioError> {
-        Template::parse(name, text, overrides)?.with(overrides)
+        Template::parse(name, text)?.with(overrides)
     }
 
     fn read(name: &str, root: Section<'_>, text: String) -> Result<Self, ScenarioError> {
@@ -154,8 +151,8 @@ impl Scenario {
         let arm = ArmSettings::read(root.section("arm")?, task)?;
         let timing = Timing::read(root.section("timing")?, duration)?;
         let law = LawSettings::read(root.section("law")?, task, timing.sample_period)?;
-        if let Err((key, expected)) = law.law.check(&arm, task) {
-            return Err(root.section("law")?.refuse(key, expected));
+        if let Err(unsuited) = law.law.check(&arm, task) {
+            return Err(root.section("law")?.refuse(unsuited.key(), unsuited));
         }
         let scenario = Self {
             name: name.to_owned(),
@@ -218,28 +215,29 @@ pub struct Template {
 }
 
 impl Template {
-    /// Loads a built-in scenario by its name or, failing that, a file. What is wrong with its text is
-    /// said as of one over which `overrides` are to be laid.
-    pub fn load(name: &str, overrides: &[Override]) -> Result<Self, ScenarioError> {
+    /// Loads a built-in scenario by its name or, failing that, a file.
+    pub fn load(name: &str) -> Result<Self, ScenarioError> {
         if let Some(text) = built_in(name) {
-            return Self::parse(name, text, overrides);
+            return Self::parse(name, text);
         }
         match std::fs::read_to_string(name) {
-            Ok(text) => Self::parse(name, &text, overrides),
-            Err(error) => Err(Origin::new("--scenario", Vec::new()).refuse(format!(
-                "there is no built-in scenario '{name}' and the file could not be read ({error}); \
-                 'mtj scenario list' prints the built-in names"
-            ))),
+            Ok(text) => Self::parse(name, &text),
+            Err(error) => {
+                Err(ScenarioError::NotFound { name: name.to_owned(), source: Arc::new(error) })
+            }
         }
     }
 
-    fn parse(name: &str, text: &str, overrides: &[Override]) -> Result<Self, ScenarioError> {
+    fn parse(name: &str, text: &str) -> Result<Self, ScenarioError> {
         let table: Table = text.parse().map_err(|error: toml::de::Error| {
             let line = error
                 .span()
                 .map_or(0, |span| text[..span.start.min(text.len())].lines().count().max(1));
-            origin(name, overrides)
-                .refuse(format!("line {line} is not TOML: {}", error.message().replace('\n', ", ")))
+            ScenarioError::Syntax {
+                origin: name.to_owned(),
+                line,
+                reason: error.message().replace('\n', ", "),
+            }
         })?;
         Ok(Self { name: name.to_owned(), text: text.to_owned(), table })
     }
@@ -281,33 +279,27 @@ fn read_noise(section: Option<Section<'_>>) -> Result<f64, ScenarioError> {
 
 /// Puts one value at its dotted path; `arm.links[1].mass` reaches into a list.
 fn lay_over(table: &mut Table, set: &Override) -> Result<(), ScenarioError> {
-    let refuse = |expected: &str| ScenarioError {
-        origin: "--set".to_owned(),
-        key: set.path.clone(),
-        value: Some(set.value.to_string()),
-        expected: expected.to_owned(),
-    };
-    let not_there = "the path of a key; one of its parts is not a table, or not a list that long";
+    let no_place =
+        || ScenarioError::NoPlace { key: set.path.clone(), value: set.value.to_string() };
     let (parents, last) = set.path.rsplit_once('.').unwrap_or(("", &set.path));
     let mut table = table;
     for part in parents.split('.').filter(|part| !part.is_empty()) {
-        let (name, index) = split_index(part).ok_or_else(|| refuse(not_there))?;
+        let (name, index) = split_index(part).ok_or_else(no_place)?;
         let value = table.entry(name).or_insert_with(|| Value::Table(Table::new()));
         let value = match index {
             None => Some(value),
             Some(index) => value.as_array_mut().and_then(|list| list.get_mut(index)),
         };
-        table = value.and_then(Value::as_table_mut).ok_or_else(|| refuse(not_there))?;
+        table = value.and_then(Value::as_table_mut).ok_or_else(no_place)?;
     }
-    let (name, index) = split_index(last).ok_or_else(|| refuse(not_there))?;
+    let (name, index) = split_index(last).ok_or_else(no_place)?;
     match index {
         None => {
             table.insert(name.to_owned(), set.value.clone());
         }
         Some(index) => {
             let place = table.get_mut(name).and_then(Value::as_array_mut);
-            *place.and_then(|list| list.get_mut(index)).ok_or_else(|| refuse(not_there))? =
-                set.value.clone();
+            *place.and_then(|list| list.get_mut(index)).ok_or_else(no_place)? = set.value.clone();
         }
     }
     Ok(())

@@ -1,38 +1,10 @@
-//! Reading one TOML table with errors that name the file, the key, the value and the remedy.
+//! Reads one TOML table; its errors name file, key, value and remedy.
 
 use std::{cell::RefCell, fmt, time::Duration};
 
 use toml::{Table, Value};
 
-use super::duration;
-
-/// Why a scenario was not accepted.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ScenarioError {
-    /// The file, the built-in scenario or the command line option the value came from.
-    pub origin: String,
-    /// Dotted path of the key; empty when the whole text is meant.
-    pub key: String,
-    /// The value as written; `None` when it is missing.
-    pub value: Option<String>,
-    /// What would be accepted.
-    pub expected: String,
-}
-
-impl fmt::Display for ScenarioError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { origin, key, value, expected } = self;
-        match value {
-            _ if key.is_empty() => write!(f, "{origin}: {expected}"),
-            Some(value) => {
-                write!(f, "{origin}: {key} = {value} is not accepted: expected {expected}")
-            }
-            None => write!(f, "{origin}: {key} is missing: expected {expected}"),
-        }
-    }
-}
-
-impl std::error::Error for ScenarioError {}
+use super::{duration, error::ScenarioError};
 
 /// Where values came from: a named text, and the keys the command line has put over it.
 #[derive(Clone, Debug)]
@@ -64,12 +36,7 @@ impl Origin {
 
     /// An error about the text as a whole.
     pub fn refuse(&self, expected: impl fmt::Display) -> ScenarioError {
-        ScenarioError {
-            origin: self.name.clone(),
-            key: String::new(),
-            value: None,
-            expected: expected.to_string(),
-        }
+        ScenarioError::Text { origin: self.name.clone(), expected: expected.to_string() }
     }
 }
 
@@ -101,14 +68,12 @@ impl<'a> Section<'a> {
             None => Ok(()),
             Some(unknown) => {
                 let key = self.key(unknown);
-                Err(ScenarioError {
+                Err(ScenarioError::UnknownKey {
                     origin: self.origin.of_unknown(&key),
-                    value: Some(short(&self.table[unknown])),
-                    expected: format!(
-                        "one of the known keys {} (there is no key '{unknown}' here)",
-                        known.join(", ")
-                    ),
                     key,
+                    name: unknown.clone(),
+                    value: short(&self.table[unknown]),
+                    known: known.join(", "),
                 })
             }
         }
@@ -116,12 +81,11 @@ impl<'a> Section<'a> {
 
     /// An error about one key of this table.
     pub fn refuse(&self, key: &str, expected: impl fmt::Display) -> ScenarioError {
-        let path = self.key(key);
-        ScenarioError {
-            origin: self.origin.of(&path),
-            value: self.table.get(key).map(short),
-            expected: expected.to_string(),
-            key: path,
+        let (key, value) = (self.key(key), self.table.get(key).map(short));
+        let (origin, expected) = (self.origin.of(&key), expected.to_string());
+        match value {
+            Some(value) => ScenarioError::Refused { origin, key, value, expected },
+            None => ScenarioError::Missing { origin, key, expected },
         }
     }
 

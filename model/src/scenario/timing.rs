@@ -2,7 +2,10 @@
 
 use std::time::Duration;
 
-use super::section::{self, ScenarioError, Section};
+use super::{
+    error::ScenarioError,
+    section::{self, Section},
+};
 
 /// The plant's time base.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,7 +2,10 @@
 
 use nalgebra::Vector2;
 
-use super::section::{self, ScenarioError, Section};
+use super::{
+    error::ScenarioError,
+    section::{self, Section},
+};
 use crate::trajectory::{Circle, PointToPoint, Ripple, Trajectory};
 
 #[derive(Clone, Copy)]

@@ -1,20 +1,85 @@
-//! What the torques move: an engine advances an arm's state in time.
+//! Engines: an engine integrates the arm between two events.
 //!
-//! Everything else of a plant stands above it and is the same for all engines. To add one is to implement
-//! [`Engine`] in a file beside this one and to name it in [`engine`].
+//! Everything else of a plant stands above it and is the same for all engines. A program runs an
+//! engine of its own with [`crate::plant::run_engine`]; an engine that scenarios can name is a file
+//! beside this one and a line in [`engine`].
+//!
+//! # An engine of one's own
+//!
+//! Flywheels instead of an arm: I q̈ᵢ = τᵢ + τ_dᵢ, with the inertia I in kg m² and the disturbance
+//! τ_d. Under a held torque the motion is a parabola, so no step is needed.
+//!
+//! ```
+//! use mtj_model::scenario::Scenario;
+//! use mtj_plant::{
+//!     direct::Direct,
+//!     engine::{Drive, Engine, State},
+//!     plant::{self, Watch},
+//! };
+//! use mtj_protocol::sample::{Joints, StateSample, TorqueSample};
+//!
+//! struct Flywheels {
+//!     inertia: f64,
+//!     state: State,
+//!     disturbance: Joints,
+//! }
+//!
+//! impl Engine for Flywheels {
+//!     fn advance(&mut self, time_ns: u64, drive: &Drive) {
+//!         let State { time_ns: before, position, velocity, energy } = &mut self.state;
+//!         let dt = time_ns.saturating_sub(*before) as f64 * 1e-9;
+//!         for joint in 0..position.len() {
+//!             let torque = drive.torque(joint, velocity[joint]);
+//!             let acceleration = (torque + self.disturbance[joint]) / self.inertia;
+//!             let turned = (velocity[joint] + 0.5 * acceleration * dt) * dt;
+//!             position[joint] += turned;
+//!             velocity[joint] += acceleration * dt;
+//!             *energy += (torque * turned).abs();
+//!         }
+//!         *before = time_ns.max(*before);
+//!     }
+//!
+//!     fn state(&self) -> State {
+//!         self.state
+//!     }
+//!
+//!     fn disturb(&mut self, torque: Joints) {
+//!         self.disturbance = torque;
+//!     }
+//! }
+//!
+//! let scenario = Scenario::load("sampled/tj", &["duration=1s".parse()?])?;
+//! let state = State { time_ns: 0, position: [0.0; 7], velocity: [0.0; 7], energy: 0.0 };
+//! let flywheels = Box::new(Flywheels { inertia: 2.0, state, disturbance: [0.0; 7] });
+//!
+//! // The controller, a function here: a torque of 3 N m on the first joint.
+//! let mut exchange = Direct::new(1, |state: &StateSample| {
+//!     let mut torque = TorqueSample { header: state.header.answer(), ..Default::default() };
+//!     torque.torque[0] = 3.0;
+//!     Ok::<_, std::convert::Infallible>(torque)
+//! });
+//! let watch = Watch { trace: true, round_trips: false };
+//! let outcome = plant::run_engine(&scenario, 1, flywheels, &mut exchange, watch, &|| true)?;
+//!
+//! for row in &outcome.trace {
+//!     assert!((row.velocity[0] - 1.5 * row.time).abs() < 1e-9);
+//!     assert!((row.position[0] - 0.75 * row.time * row.time).abs() < 1e-9);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod runge_kutta;
 
-use mtj_model::{MAX_JOINTS, for_links, scenario::Scenario};
+use mtj_model::{MAX_JOINTS, for_joints, scenario::Scenario};
 use mtj_protocol::sample::Joints;
 
-/// An arm whose state moves forward in time.
+/// Integrates an arm's state; times are ns since the run began.
 pub trait Engine {
     /// Integrates to `time_ns` under `drive`; does nothing if that is past.
     fn advance(&mut self, time_ns: u64, drive: &Drive);
-    /// The true state.
+    /// The true state at the instant that was advanced to.
     fn state(&self) -> State;
-    /// From now on this torque acts beside the drive, N m; it is no part of the energy.
+    /// Adds a disturbance torque, N m, to the drive from now on; its work is no part of the energy.
     fn disturb(&mut self, torque: Joints);
 }
 
@@ -62,5 +127,5 @@ impl<const N: usize> Drive<N> {
 pub fn engine(scenario: &Scenario) -> Box<dyn Engine> {
     let step_ns = scenario.timing.integration_step.as_nanos() as u64;
     let arm = &scenario.arm;
-    for_links!(arm.links.len(), N => Box::new(runge_kutta::RungeKutta::<N>::new(arm, step_ns)))
+    for_joints!(arm.joints(), N => Box::new(runge_kutta::RungeKutta::<N>::new(arm, step_ns)))
 }

@@ -2,7 +2,7 @@
 
 use mtj_model::{
     arm::{self, Arm, Kinematics, planar::Configuration},
-    for_axes, for_links,
+    for_axes, for_joints,
     scenario::Scenario,
 };
 use nalgebra::{DMatrix, SMatrix, SVector};
@@ -26,7 +26,7 @@ pub fn masses(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Masses,
     let rows = &run.trace[run.trace.len() / 2..];
     let mut masses = Masses { least: f64::INFINITY, most: 0.0 };
     for row in rows.iter().step_by((rows.len() / 500).max(1)) {
-        let (least, most) = for_links!(scenario.arm.links.len(), N => {
+        let (least, most) = for_joints!(scenario.arm.joints(), N => {
             for_axes!(scenario.task, M => eigenvalues::<N, M>(scenario, &row.position))
         });
         masses.least = masses.least.min(least);

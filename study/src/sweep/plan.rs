@@ -81,7 +81,7 @@ impl Plan {
                 .optional("set", "a table of keys and values", axis::overrides)?
                 .unwrap_or_default(),
             axes: Vec::new(),
-            template: Template::load(scenario, &[]),
+            template: Template::load(scenario),
             text: text.to_owned(),
         };
         let count = || origin.refuse(format!("expected axes that make 1 to {MOST_POINTS} points"));

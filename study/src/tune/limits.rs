@@ -2,7 +2,7 @@
 
 use mtj_model::{
     arm::{Kinematics, planar::Configuration},
-    for_axes, for_links,
+    for_axes, for_joints,
     gains::Gains,
     law::{Law, factor::Factor, mass::Mass, mtj::ModifiedTransposeJacobian, tj::TransposeJacobian},
     scenario::{Override, Scenario},
@@ -98,7 +98,7 @@ impl Arm {
         let masses = path::masses(&still, proceed)?;
         let motion = motion(scenario, proceed)?;
         let tau = wanted.time_constant_s;
-        let (initial_error, first_torque) = for_links!(scenario.arm.links.len(), N => {
+        let (initial_error, first_torque) = for_joints!(scenario.arm.joints(), N => {
             for_axes!(scenario.task, M => start::<N, M>(scenario, tau))
         });
         Ok(Self {

@@ -12,7 +12,10 @@ pub mod values;
 pub mod verify;
 
 use mtj_model::scenario::{Override, Scenario, duration};
-use mtj_plant::link::{Direction, Link};
+use mtj_plant::{
+    error::PlantError,
+    link::{Direction, Link},
+};
 use serde::Serialize;
 use std::{ops::Range, time::Duration};
 
@@ -133,7 +136,7 @@ pub fn links(scenario: &Scenario, wanted: &Wanted, multiple: f64) -> Vec<Overrid
 /// The mean latency of a scenario's links, both directions together, s.
 pub fn mean_latency(scenario: &Scenario) -> Result<f64, StudyError> {
     let mean = |settings, direction| -> Result<f64, StudyError> {
-        let mut link = Link::new(settings, direction, scenario.seed)?;
+        let mut link = Link::new(settings, direction, scenario.seed).map_err(PlantError::from)?;
         let arrived: Vec<f64> = (0..DRAWS)
             .filter_map(|_| link.transit_ns())
             .map(|transit_ns| transit_ns as f64 * 1e-9)

@@ -11,11 +11,12 @@ use mtj_controller::{memory::Memory, prediction};
 use mtj_model::scenario::{Jitter, MemoryPolicy, Scenario};
 use mtj_plant::{
     actuator::Command,
+    error::LinkError,
     report::{Measures, Report},
     sensor::Sensor,
     sequencer::{Departure, Sequencer},
 };
-use mtj_protocol::{bus::BusError, sample::Joints};
+use mtj_protocol::sample::Joints;
 
 /// What comes next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,7 +67,7 @@ pub struct Lane<'s, const N: usize, const E: usize> {
 
 impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
     /// A loop at its first sample.
-    pub fn new(number: usize, scenario: &'s Scenario) -> Result<Self, BusError> {
+    pub fn new(number: usize, scenario: &'s Scenario) -> Result<Self, LinkError> {
         Ok(Self {
             number,
             scenario,
