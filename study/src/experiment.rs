@@ -6,6 +6,7 @@ use mtj_controller::{Controller, serve};
 use mtj_model::scenario::{ClockKind, Scenario};
 use mtj_plant::{
     direct::Direct,
+    engine::{Engine, engine},
     error::PlantError,
     plant::{self, Outcome, Watch},
 };
@@ -35,9 +36,24 @@ pub fn run_direct(
     trace: bool,
     proceed: &dyn Fn() -> bool,
 ) -> Result<Outcome, PlantError> {
-    let mut controller = Controller::new(scenario);
+    run_with(scenario, Controller::new(scenario), engine(scenario), trace, proceed)
+}
+
+/// Runs a scenario in lockstep with a controller or an engine of one's own.
+///
+/// # Errors
+///
+/// A link that cannot be emulated, or a law that cannot answer.
+pub fn run_with(
+    scenario: &Scenario,
+    mut controller: Controller,
+    engine: Box<dyn Engine>,
+    trace: bool,
+    proceed: &dyn Fn() -> bool,
+) -> Result<Outcome, PlantError> {
     let mut exchange = Direct::new(0, |state: &_| controller.respond(state).copied());
-    plant::run(scenario, 0, &mut exchange, Watch { trace, round_trips: false }, proceed)
+    let watch = Watch { trace, round_trips: false };
+    plant::run_engine(scenario, 0, engine, &mut exchange, watch, proceed)
 }
 
 /// Runs a scenario over the local bus, with plant and controller in threads of their own.

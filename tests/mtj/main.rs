@@ -23,6 +23,7 @@ mod clock_steps;
 mod critical_path;
 mod dashboard;
 mod dashboards;
+mod examples;
 mod failover;
 mod failures;
 mod fleet;
