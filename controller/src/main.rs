@@ -4,7 +4,6 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use mtj_controller::{options::ControllerOptions, serve::ServeError};
-use mtj_protocol::bus::BusError;
 
 #[derive(Parser)]
 #[command(name = "mtj-controller", version, about)]
@@ -18,7 +17,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("mtj-controller: {error}");
-            let is_bad_input = matches!(error, ServeError::Bus(BusError::Settings(_)));
+            let is_bad_input = matches!(&error, ServeError::Bus(error) if error.is_bad_input());
             ExitCode::from(if is_bad_input { 2 } else { 1 })
         }
     }

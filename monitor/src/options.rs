@@ -75,7 +75,7 @@ impl MonitorOptions {
                 "--session '{}' means many sessions, and {flag} is for one; name one, or leave out {flag} \
                  for a table of all",
                 pattern.as_str()
-            )));
+            ).into()));
         }
         let mut role = self.role.clone();
         role.bus.session = None;
@@ -89,7 +89,7 @@ impl MonitorOptions {
         // What cannot be is said before anything is begun.
         terminal.check()?;
         let settings = self.role.bus.settings();
-        let settings = settings.map_err(|error| BusError::Settings(error.to_string()))?;
+        let settings = settings.map_err(|error| BusError::Settings(error.into()))?;
         let recording = recording.begin(&settings)?;
         let reception = web.listen()?;
         #[cfg(feature = "foxglove")]

@@ -59,7 +59,7 @@ impl Link {
             Direction::State => 2,
             Direction::Torque => 4,
         };
-        let refuse = || BusError::Settings("the link's jitter is out of range".to_owned());
+        let refuse = || BusError::Settings("the link's jitter is out of range".into());
         let mean = settings.latency.as_secs_f64();
         let delay = match &settings.jitter {
             Jitter::None => Delay::Constant,
@@ -76,7 +76,8 @@ impl Link {
                 Delay::Gamma(Gamma::new(shape, scale).map_err(|_| refuse())?)
             }
             Jitter::Replay { file } => Delay::Replay {
-                latencies: read_latencies(file).map_err(BusError::Settings)?,
+                latencies: read_latencies(file)
+                    .map_err(|error| BusError::Settings(error.into()))?,
                 next: 0,
             },
         };

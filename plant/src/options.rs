@@ -71,10 +71,10 @@ impl OutputOptions {
     pub fn create_trace(&self) -> Result<Option<File>, BusError> {
         let Some(path) = &self.trace else { return Ok(None) };
         File::create(path).map(Some).map_err(|error| {
-            BusError::Settings(format!(
-                "--trace {}: {error}; choose a file that can be written",
-                path.display()
-            ))
+            BusError::Settings(
+                format!("--trace {}: {error}; choose a file that can be written", path.display())
+                    .into(),
+            )
         })
     }
 
@@ -141,7 +141,11 @@ pub enum PlantError {
 impl PlantError {
     /// Whether the user asked for something that cannot be.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::Scenario(_) | Self::Bus(BusError::Settings(_)))
+        match self {
+            Self::Scenario(_) => true,
+            Self::Bus(error) => error.is_bad_input(),
+            _ => false,
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use mtj_model::scenario::{Override, Scenario};
 use mtj_protocol::{
     bus::BusError,
-    knob::Knob,
+    request::Request,
     sample::{ChangeSample, Header, Joints, RequestSample, padded},
 };
 
@@ -33,19 +33,19 @@ pub(crate) fn carry_out(
     request: &RequestSample,
     target: &mut impl Changeable,
 ) -> Result<Result<(), String>, BusError> {
-    match Knob::of(request) {
-        Err(reason) => return Ok(Err(reason)),
-        Ok(Knob::Set(sets)) => {
+    match Request::from_sample(request) {
+        Err(error) => return Ok(Err(error.to_string())),
+        Ok(Request::Set(sets)) => {
             let sets: Result<Vec<Override>, _> = sets.iter().map(|set| set.parse()).collect();
             return match sets.and_then(|sets| target.scenario().changed(&sets)) {
                 Ok(scenario) => target.change(scenario),
                 Err(error) => Ok(Err(error.to_string())),
             };
         }
-        Ok(Knob::Pause) => target.pause(true),
-        Ok(Knob::Resume) => target.pause(false),
-        Ok(Knob::Reset) => target.reset(),
-        Ok(Knob::Kick { torque, milliseconds }) => {
+        Ok(Request::Pause) => target.pause(true),
+        Ok(Request::Resume) => target.pause(false),
+        Ok(Request::Reset) => target.reset(),
+        Ok(Request::Kick { torque, milliseconds }) => {
             target.disturb(padded(&torque), (milliseconds * 1e6).round() as u64);
         }
     }

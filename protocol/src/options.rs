@@ -129,8 +129,7 @@ impl RoleOptions {
 
     /// Joins the bus; `None` if asked to stop meanwhile.
     pub fn join(&self, role: Role, shutdown: Shutdown) -> Result<Option<AnyBus>, BusError> {
-        let settings =
-            self.bus.settings().map_err(|error| BusError::Settings(error.to_string()))?;
+        let settings = self.bus.settings()?;
         self.realtime.before_joining();
         let bus = AnyBus::open(&settings, role, &|| shutdown.proceed())?;
         self.realtime.before_the_loop()?;

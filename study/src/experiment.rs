@@ -62,7 +62,7 @@ pub fn run_in_threads(
         let served = serve::serve(&bus, &Member::new(Role::Controller, 0), None, &running);
         let outcome = plant
             .join()
-            .unwrap_or_else(|_| Err(BusError::Transport("the plant's thread panicked".to_owned())));
-        served.map_err(|error| BusError::Controller(error.to_string())).and(outcome)
+            .unwrap_or_else(|_| Err(BusError::Transport("the plant's thread panicked".into())));
+        served.map_err(|error| BusError::Controller(error.into())).and(outcome)
     })
 }

@@ -43,7 +43,7 @@ impl From<ScenarioError> for Failure {
 
 impl From<BusError> for Failure {
     fn from(error: BusError) -> Self {
-        let is_bad_input = matches!(error, BusError::Settings(_));
+        let is_bad_input = error.is_bad_input();
         Self::new(error, is_bad_input)
     }
 }

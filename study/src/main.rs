@@ -6,10 +6,11 @@ use clap::{CommandFactory, Parser, Subcommand};
 use mtj_controller::options::ControllerOptions;
 use mtj_monitor::options::MonitorOptions;
 use mtj_plant::options::PlantOptions;
+#[cfg(feature = "zenoh")]
+use mtj_study::command::certs::Certs;
 use mtj_study::command::{
     bench::Bench,
     bridge::BridgeCommand,
-    certs::Certs,
     completions::Completions,
     export::Export,
     knob::{Kick, Pause, Reset, Resume, Set},
@@ -54,6 +55,7 @@ enum Command {
     Latency(Latency),
     #[command(hide = true)]
     Echo(Echo),
+    #[cfg(feature = "zenoh")]
     Certs(Certs),
     Bench(Bench),
     Completions(Completions),
@@ -96,6 +98,7 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Kick(kick) => kick.run(),
         Command::Latency(latency) => latency.run(),
         Command::Echo(echo) => echo.run(),
+        #[cfg(feature = "zenoh")]
         Command::Certs(certs) => certs.run(),
         Command::Bench(bench) => bench.run(),
         Command::Completions(completions) => completions.run(Program::command()),

@@ -45,7 +45,7 @@ impl FromStr for Pattern {
         }
         Err(BusError::Settings(format!(
             "--session {text}: expected letters, digits, '-' and '_', and '*' for any of them, like 'cell-*'"
-        )))
+        ).into()))
     }
 }
 

@@ -45,7 +45,7 @@ impl TerminalOptions {
             Err(BusError::Settings(format!(
                 "--tui: the dashboard needs a terminal that can be drawn on, and {why}; without --tui \
                  there is one line a second"
-            )))
+            ).into()))
         };
         if !self.tui {
             Ok(())
@@ -63,10 +63,10 @@ impl TerminalOptions {
         if !self.tui {
             return Ok(None);
         }
-        let settings = bus.settings().map_err(|error| BusError::Settings(error.to_string()))?;
+        let settings = bus.settings().map_err(|error| BusError::Settings(error.into()))?;
         let place = format!("{} over {}", settings.session, settings.kind.name());
         let dashboard = Dashboard::open(place).map_err(|error| {
-            BusError::Transport(format!("--tui: no terminal to draw on: {error}"))
+            BusError::Transport(format!("--tui: no terminal to draw on: {error}").into())
         })?;
         Ok(Some(dashboard))
     }

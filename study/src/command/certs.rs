@@ -82,7 +82,7 @@ impl Certs {
                 let pair =
                     fs::read_to_string(&key).ok().and_then(|text| KeyPair::from_pem(&text).ok());
                 let made_here = |pair: &KeyPair| {
-                    found.holds(pair.public_key_raw()) && found.holds(AUTHORITY.as_bytes())
+                    found.contains(pair.public_key_raw()) && found.contains(AUTHORITY.as_bytes())
                 };
                 let pair = pair.filter(made_here).ok_or_else(|| {
                     Failure::bad_input(format!(
