@@ -1,14 +1,14 @@
 //! The bus: the trait that every transport implements.
 //!
-//! A bus moves samples of a topic from writers to readers, and a scenario from a plant to any process
-//! that asks. It knows nothing of control: [`crate::port`] decides which topics a role may write,
-//! [`crate::admission`] which samples are acceptable.
+//! A bus moves samples of a topic from writers to readers, and a scenario from a plant to any
+//! process that asks. It knows nothing of control: [`crate::port`] decides which topics a role may
+//! write, [`crate::admission`] which samples are acceptable.
 //!
 //! # A bus of your own
 //!
 //! A transport implements [`Bus`] and returns its own [`Writer`], [`Reader`], [`Offering`] and
-//! [`Attendance`]. A *middleware* wraps any bus and is one; it replaces what it changes and passes on
-//! the rest. This one counts the samples that its writers send:
+//! [`Attendance`]. A *middleware* wraps any bus and is one; it replaces what it changes and passes
+//! on the rest. This one counts the samples that its writers send:
 //!
 //! ```
 //! use std::{
@@ -55,7 +55,11 @@
 //!     fn writer<S: Sample>(&self) -> Result<Box<dyn Writer<S>>, BusError> {
 //!         Ok(Box::new(TapWriter { writer: self.bus.writer()?, sent: Arc::clone(&self.sent) }))
 //!     }
-//!     fn reader<S: Sample>(&self, depth: Depth, wait: Wait) -> Result<Box<dyn Reader<S>>, BusError> {
+//!     fn reader<S: Sample>(
+//!         &self,
+//!         depth: Depth,
+//!         wait: Wait,
+//!     ) -> Result<Box<dyn Reader<S>>, BusError> {
 //!         self.bus.reader(depth, wait)
 //!     }
 //!     fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {
@@ -81,8 +85,8 @@
 //! # Ok::<(), BusError>(())
 //! ```
 //!
-//! The crate `mtj-conformance` (`protocol/conformance`) tests any bus against the rules that the ports
-//! rely on.
+//! The crate `mtj-conformance` (`protocol/conformance`) tests any bus against the rules that the
+//! ports rely on.
 
 use std::{any::Any, collections::BTreeSet, error::Error, time::Instant};
 
@@ -113,7 +117,8 @@ pub trait Bus {
 
 /// The members of a session that are present.
 pub trait Attendance {
-    /// All announced members that live, as far as the bus knows. May take a fraction of a millisecond.
+    /// All announced members that live, as far as the bus knows. May take a fraction of a
+    /// millisecond.
     fn present(&mut self) -> Result<Vec<Member>, BusError>;
     /// Whether a member that was present still is. Takes some microseconds at most.
     fn is_present(&mut self, member: &Member) -> Result<bool, BusError>;
@@ -136,8 +141,8 @@ pub trait Sessions {
 /// How many samples a reader keeps until its owner takes them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Depth {
-    /// The newest [`RECENT_DEPTH`] samples, as promptly as the bus can deliver them: for the loop, which
-    /// takes the newest acceptable sample and drops the others.
+    /// The newest [`RECENT_DEPTH`] samples, as promptly as the bus can deliver them: for the loop,
+    /// which takes the newest acceptable sample and drops the others.
     Recent,
     /// Every sample in order, if the reader is emptied within [`STREAM_DEPTH`] samples.
     Stream,
@@ -153,8 +158,9 @@ pub const STREAM_DEPTH: usize = 4096;
 pub trait Writer<S> {
     /// Makes a sample visible to all readers. Never blocks.
     fn write(&mut self, sample: &S) -> Result<(), BusError>;
-    /// Makes a sample visible at once to the readers that [`Reader::follow`] this writer. The others see it
-    /// after the next [`Writer::flush`] or the next sample. By default the same as [`Writer::write`].
+    /// Makes a sample visible at once to the readers that [`Reader::follow`] this writer. The
+    /// others see it after the next [`Writer::flush`] or the next sample. By default the same as
+    /// [`Writer::write`].
     fn expedite(&mut self, sample: &S) -> Result<(), BusError> {
         self.write(sample)
     }
@@ -166,8 +172,8 @@ pub trait Writer<S> {
 
 /// The reading end of a topic.
 ///
-/// It advances from sample to sample and lends the current one: to move some hundred bytes from call to
-/// call takes as long as the work on them.
+/// It advances from sample to sample and lends the current one: to move some hundred bytes from
+/// call to call takes as long as the work on them.
 pub trait Reader<S> {
     /// Advances to the next sample; returns whether there was one.
     fn advance(&mut self) -> Result<bool, BusError>;
@@ -182,11 +188,13 @@ pub trait Reader<S> {
     }
     /// Sleeps until there may be a sample, or until `until`.
     fn sleep(&mut self, until: Instant) -> Result<(), BusError>;
-    /// Polls for a microsecond or so and advances to the next sample, if one came. One call need not look in
-    /// every place where a sample can arrive. Yields the core if the transport's own threads need it.
+    /// Polls for a microsecond or so and advances to the next sample, if one came. One call need
+    /// not look in every place where a sample can arrive. Yields the core if the transport's own
+    /// threads need it.
     fn spin(&mut self) -> Result<bool, BusError>;
-    /// Prefers from now on what the writer of the current sample [expedites](Writer::expedite), of which only
-    /// the newest is kept. May take a millisecond when the writer is another one than before.
+    /// Prefers from now on what the writer of the current sample [expedites](Writer::expedite), of
+    /// which only the newest is kept. May take a millisecond when the writer is another one than
+    /// before.
     fn follow(&mut self) -> Result<(), BusError> {
         Ok(())
     }
@@ -255,7 +263,8 @@ pub enum BusError {
     },
     /// The processor of `--cpu` cannot be had.
     #[error(
-        "--cpu {core}: {}; this process may use {allowed} of this machine's processors, counted from 0",
+        "--cpu {core}: {}; this process may use {allowed} of this machine's processors, counted \
+         from 0",
         source.desc()
     )]
     Cpu {

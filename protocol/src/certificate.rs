@@ -1,7 +1,7 @@
 //! The validity and the key of a certificate (X.509, in PEM).
 //!
-//! TLS decides whether a certificate is to be trusted. The checks here tell the user, before a role starts
-//! with a certificate, what would otherwise only show as a connection that never comes up.
+//! TLS decides whether a certificate is to be trusted. The checks here tell the user, before a role
+//! starts with a certificate, what would otherwise only show as a connection that never comes up.
 
 use std::{
     fmt, fs, io,
@@ -82,13 +82,13 @@ impl Certificate {
         contains(&self.der, bytes)
     }
 
-    /// Whether the private key in a file belongs to another certificate. False if that is unknown, because the
-    /// key does not carry its public half.
+    /// Whether the private key in a file belongs to another certificate. False if that is unknown,
+    /// because the key does not carry its public half.
     pub fn is_foreign_to(&self, key: &Path) -> Result<bool, CertificateError> {
         let key = decode(&fs::read(key)?, "PRIVATE KEY").ok_or(CertificateError::Absent)?;
         let point = &self.public_key;
-        // RFC 5915: the public half of a key on an elliptic curve is [1] { BIT STRING }, and holds an
-        // uncompressed point, which begins with 4.
+        // RFC 5915: the public half of a key on an elliptic curve is [1] { BIT STRING }, and holds
+        // an uncompressed point, which begins with 4.
         let length = point.len() as u8;
         let carries =
             contains(&key, &[0xa1, length.wrapping_add(3), 0x03, length.wrapping_add(1), 0, 4]);
@@ -125,7 +125,8 @@ mod tests {
 
     #[test]
     fn a_block_of_pem_is_found_by_the_end_of_its_label() {
-        let text = "a word before\n-----BEGIN EC PRIVATE KEY-----\nAAEC\nA/8=\n-----END EC PRIVATE KEY-----\n";
+        let text = "a word before\n-----BEGIN EC PRIVATE KEY-----\nAAEC\nA/8=\n\
+                    -----END EC PRIVATE KEY-----\n";
         let decode = |text: &str, label| decode(text.as_bytes(), label);
         assert_eq!(decode(text, "PRIVATE KEY"), Some(vec![0, 1, 2, 3, 255]));
         assert_eq!(decode(text, "CERTIFICATE"), None);

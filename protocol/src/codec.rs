@@ -30,8 +30,8 @@ pub fn decode<S: Sample>(bytes: &[u8]) -> Option<S> {
     exactly(bytes)
 }
 
-/// Reads a message of a sample's topic. If another protocol version wrote it, its layout is not known and
-/// only the header is read; the admission filter then rejects it by its version.
+/// Reads a message of a sample's topic. If another protocol version wrote it, its layout is not
+/// known and only the header is read; the admission filter then rejects it by its version.
 pub fn read<S: Sample>(bytes: &[u8]) -> Option<S> {
     decode(bytes).or_else(|| {
         version_of(bytes).filter(|version| *version != VERSION)?;

@@ -1,16 +1,19 @@
 //! Samples, and the buses that carry them between the processes of a session.
 //!
 //! ```text
-//! port         what each role may send and receive       PlantPort, ControllerPort, MonitorPort, RequestPort, Bridge
-//! request      changes to a running loop                 set, pause, resume, reset, kick
-//! admission    which samples a port accepts              version, run, order, finite numbers
-//! transport    the bus that a scenario names             AnyBus: local, iceoryx2, zenoh, one file each
-//! bus          the trait that moves samples              Bus, Writer, Reader, Offering; Shared, for many sessions
-//! member       a participant of a session                role, id, precedence
-//! certificate  validity and key of an X.509 certificate  (with feature `zenoh`)
-//! codec        samples as bytes                          bincode, fixed-width little-endian
-//! sample       the samples                               repr(C), no pointers, no padding
+//! port         what each role may send and receive    PlantPort, ControllerPort, MonitorPort, …
+//! request      changes to a running loop              set, pause, resume, reset, kick
+//! admission    which samples a port accepts           version, run, order, finite numbers
+//! transport    the bus that a scenario names          AnyBus: local, iceoryx2, zenoh
+//! bus          the trait that moves samples           Bus, Writer, Reader, Offering; Shared
+//! member       a participant of a session             role, id, precedence
+//! certificate  validity and key of a certificate      X.509 in PEM (feature `zenoh`)
+//! codec        samples as bytes                       bincode, fixed-width little-endian
+//! sample       the samples                            repr(C), no pointers, no padding
 //! ```
+//!
+//! Besides, `options` and `realtime` have the command line options that all roles share, `shutdown`
+//! the request to stop, and `warn_once` warnings that are given once.
 //!
 //! Each layer uses only the layers below it. To write a bus of your own, start at [`bus`].
 

@@ -11,7 +11,8 @@ use crate::{
     sample::Sample,
 };
 
-/// A queue that a transport's own thread fills and a reader empties; when full, it drops the oldest.
+/// A queue that a transport's own thread fills and a reader empties; when full, it drops the
+/// oldest.
 pub(crate) struct Mailbox<S> {
     inner: Mutex<Inner<S>>,
     filled: Condvar,

@@ -10,7 +10,8 @@ use std::{
 /// The part of a process in a session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Role {
-    /// Simulates the arm; owns the clock and the scenario. On Zenoh it listens, and all others connect.
+    /// Simulates the arm; owns the clock and the scenario. On Zenoh it listens, and all others
+    /// connect.
     Plant,
     /// Answers states with torques.
     Controller,

@@ -38,8 +38,8 @@ impl RealtimeOptions {
         }
     }
 
-    /// Applies the other options, after the role has joined and before its loop begins: joining takes some
-    /// ten milliseconds, which must not run at real-time priority.
+    /// Applies the other options, after the role has joined and before its loop begins: joining
+    /// takes some ten milliseconds, which must not run at real-time priority.
     pub fn before_the_loop(&self) -> Result<(), BusError> {
         if let Some(priority) = self.priority
             && let Err(error) = set_fifo(priority)
@@ -91,7 +91,8 @@ fn warn(option: &str, error: &io::Error, remedy: &str) {
     tracing::warn!("{option} was refused ({error}) and the loop goes on without; {remedy}");
 }
 
-/// Sets the priority of all threads of this process, those of the bus included; their children inherit it.
+/// Sets the priority of all threads of this process, those of the bus included; their children
+/// inherit it.
 fn set_fifo(priority: u8) -> io::Result<()> {
     for thread in fs::read_dir("/proc/self/task")? {
         let thread = thread?.file_name().to_str().and_then(|name| name.parse().ok());

@@ -47,8 +47,8 @@ pub enum RequestError {
     TooLong,
     /// The torque or the duration of a kick is out of range.
     #[error(
-        "a kick is a torque in N m for each of up to {MAX_JOINTS} joints, for more than 0 and up to \
-         {LONGEST_KICK} ms"
+        "a kick is a torque in N m for each of up to {MAX_JOINTS} joints, for more than 0 and up \
+         to {LONGEST_KICK} ms"
     )]
     Kick,
     /// A sample asks for an action that does not exist.
@@ -79,7 +79,8 @@ impl Request {
         }
     }
 
-    /// The sample that sends the request to the plant of `run`, identified by a number of the sender's choice.
+    /// The sample that sends the request to the plant of `run`, identified by a number of the
+    /// sender's choice.
     pub fn to_sample(&self, run: u64, number: u64) -> RequestSample {
         // A request is about no arm in particular; the counts are there for its admission.
         let header = Header {

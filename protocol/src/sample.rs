@@ -2,8 +2,8 @@
 //!
 //! Every field is a little-endian `u32`, `u64` or `f64` and there is no padding, so that the bytes
 //! on a wire and in shared memory are the same, and a program in any language can read them with
-//! one table of offsets (see `docs/wire.md`). Lists are as long as the largest arm needs; the counts in
-//! the header say how much of them is used.
+//! one table of offsets (see `docs/wire.md`). Lists are as long as the largest arm needs; the
+//! counts in the header say how much of them is used.
 
 use std::mem::offset_of;
 
@@ -220,10 +220,11 @@ sample! {
         round_trip_ns: u64,
         /// The part of `round_trip_ns` spent inside the controller.
         residence_ns: u64,
-        /// The number of the controller that leads; 0 if none does: then the first to answer becomes the leader.
+        /// The number of the controller that leads; 0 if none does: then the first to answer
+        /// becomes the leader.
         leader: u64,
-        /// 1 while no command has come for longer than the command timeout: earlier echoes do not count any more,
-        /// and k is zero.
+        /// 1 while no command has come for longer than the command timeout: earlier echoes do not
+        /// count any more, and k is zero.
         timed_out: u64,
         /// How many numbers the echo has.
         echo_count: u64,
@@ -253,8 +254,8 @@ sample! {
         echo_count: u64,
         /// τ, N m.
         torque: Joints,
-        /// Numbers of the law's choice, like its task force Q̂: the plant holds them with the torque,
-        /// scales them with it, and returns what was in effect.
+        /// Numbers of the law's choice, like its task force Q̂: the plant holds them with the
+        /// torque, scales them with it, and returns what was in effect.
         echo: Echo,
     }
 }
@@ -310,7 +311,8 @@ sample! {
 sample! {
     /// Operator to plant: a request to change the running loop.
     RequestSample {
-        /// The run that is meant; `sequence` is a number of the operator's choice that identifies the request.
+        /// The run that is meant; `sequence` is a number of the operator's choice that identifies
+        /// the request.
         header: Header,
         /// 0 set, 1 pause, 2 resume, 3 reset, 4 kick.
         action: u64,
@@ -401,6 +403,13 @@ implement_sample! {
     RequestSample, "request", one writer false, loop false: torque;
     ChangeSample, "change", one writer true, loop false: torque;
     PresenceSample, "presence", one writer false, loop false: ;
+}
+
+impl StateSample {
+    /// The number of the controller that leads; `None` if any may answer.
+    pub fn leader(&self) -> Option<u64> {
+        Some(self.leader).filter(|leader| *leader != 0)
+    }
 }
 
 impl ErrorSample {

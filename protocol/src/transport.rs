@@ -41,8 +41,8 @@ impl AnyBus {
 
     /// Joins the bus that the settings name.
     ///
-    /// On Zenoh every role but the plant tries to connect for as long as `proceed` returns true; `None` when
-    /// it no longer does.
+    /// On Zenoh every role but the plant tries to connect for as long as `proceed` returns true;
+    /// `None` when it no longer does.
     pub fn open(
         settings: &BusSettings,
         role: Role,
@@ -62,8 +62,8 @@ impl AnyBus {
         }
     }
 
-    /// Joins the far bus of a bridge, in the place of the plant. A writer may wait a moment rather than lose
-    /// a sample, because no loop waits for it.
+    /// Joins the far bus of a bridge, in the place of the plant. A writer may wait a moment rather
+    /// than lose a sample, because no loop waits for it.
     pub fn open_for_bridge(
         settings: &BusSettings,
         proceed: &dyn Fn() -> bool,

@@ -1,4 +1,5 @@
-//! Two versions of mtj in one session: every process warns once, in one sentence, and misreads nothing.
+//! Two versions of mtj in one session: every process warns once, in one sentence, and misreads
+//! nothing.
 
 #![cfg(all(feature = "iceoryx2", feature = "zenoh"))]
 #![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
@@ -115,7 +116,8 @@ fn a_process_that_joins_another_version_in_shared_memory_fails_with_a_sentence()
 /// For how long a role listens: longer than it waits before it says that there is no plant.
 const LISTENS: Duration = Duration::from_millis(2500);
 
-/// A role that a test starts as a process of its own, and that writes its warnings to standard error.
+/// A role that a test starts as a process of its own, and that writes its warnings to standard
+/// error.
 #[test]
 #[ignore = "a part of the tests below"]
 fn a_role() {
@@ -178,7 +180,8 @@ fn a_role() {
     }
 }
 
-/// Runs a role on a bus while `meanwhile` is repeated, and checks that it gives one warning, with both versions.
+/// Runs a role on a bus while `meanwhile` is repeated, and checks that it gives one warning, with
+/// both versions.
 fn warns_once(role: &str, bus: &str, mut meanwhile: impl FnMut()) {
     let mut child = Command::new(env::current_exe().unwrap())
         .args(["a_role", "--exact", "--ignored", "--nocapture"])

@@ -107,7 +107,11 @@ mod tests {
             ("[::1]:81", "::1", 81),
             ("::1", "::1", 8080),
         ] {
-            assert_eq!(Address::parse(text), Ok(Address { host: host.to_owned(), port }), "{text}");
+            assert_eq!(
+                Address::parse(text).unwrap(),
+                Address { host: host.to_owned(), port },
+                "{text}"
+            );
         }
         for text in ["127.0.0.1:99999", "http://127.0.0.1:8080", "a b:1", "localhost:http", "99999"]
         {

@@ -53,8 +53,8 @@ impl<F: Fixture> Election<F> {
         Controller { port, id, _bus: bus }
     }
 
-    /// Sends a state, lets the leader answer it if it is among these controllers, and returns whose answer the
-    /// plant admitted.
+    /// Sends a state, lets the leader answer it if it is among these controllers, and returns whose
+    /// answer the plant admitted.
     fn ask(&mut self, controllers: &mut [&mut Controller<F::Bus>]) -> Option<u64> {
         self.plant.send(&mut state(self.next)).unwrap();
         self.next += 1;
@@ -78,7 +78,8 @@ impl<F: Fixture> Election<F> {
     }
 }
 
-/// A controller that answers is not replaced, neither by a higher precedence nor by an older controller.
+/// A controller that answers is not replaced, neither by a higher precedence nor by an older
+/// controller.
 pub fn two_controllers_never_alternate<F: Fixture>() {
     let mut election = Election::<F>::new();
     let mut first = election.join(10, 0, 1);
@@ -90,8 +91,8 @@ pub fn two_controllers_never_alternate<F: Fixture>() {
     assert_eq!((election.plant.takeovers(), election.plant.rejected()), (0, 0));
 }
 
-/// A silent leader is replaced by the controller of the highest precedence, then of the greatest age, and its
-/// late answers are rejected.
+/// A silent leader is replaced by the controller of the highest precedence, then of the greatest
+/// age, and its late answers are rejected.
 pub fn the_best_controller_takes_over_when_the_lease_lapses<F: Fixture>() {
     let mut election = Election::<F>::new();
     let mut first = election.join(10, 0, 1);

@@ -1,7 +1,7 @@
 //! The rules that the ports rely on, as tests for any [`Bus`].
 //!
-//! The three buses of mtj keep these rules. To hold a bus of your own against them, write a [`Fixture`]
-//! that joins it, and let [`suite!`] make one test of each rule:
+//! The three buses of mtj keep these rules. To hold a bus of your own against them, write a
+//! [`Fixture`] that joins it, and let [`suite!`] make one test of each rule:
 //!
 //! ```
 //! use std::any::Any;
@@ -22,7 +22,11 @@
 //!     fn writer<S: Sample>(&self) -> Result<Box<dyn Writer<S>>, BusError> {
 //!         self.0.writer()
 //!     }
-//!     fn reader<S: Sample>(&self, depth: Depth, wait: Wait) -> Result<Box<dyn Reader<S>>, BusError> {
+//!     fn reader<S: Sample>(
+//!         &self,
+//!         depth: Depth,
+//!         wait: Wait,
+//!     ) -> Result<Box<dyn Reader<S>>, BusError> {
 //!         self.0.reader(depth, wait)
 //!     }
 //!     fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {
@@ -60,8 +64,8 @@
 //! mtj_conformance::transport::a_stream_keeps_order::<OwnFixture>();
 //! ```
 //!
-//! A bus that may lose samples of a burst sets [`Fixture::LOSSY`]. A bus on which other programs can write
-//! bytes implements [`Fixture::put_garbage`].
+//! A bus that may lose samples of a burst sets [`Fixture::LOSSY`]. A bus on which other programs
+//! can write bytes implements [`Fixture::put_garbage`].
 
 #![allow(
     clippy::unwrap_used,

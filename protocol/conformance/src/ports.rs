@@ -141,7 +141,8 @@ pub fn the_controller_repeats_its_answer_and_notices_another_run<F: Fixture>() {
     assert_eq!(peers.controller.state().header.run, RUN + 1);
 }
 
-/// The state that a controller answers is the one that its port reported, also among states of other runs.
+/// The state that a controller answers is the one that its port reported, also among states of
+/// other runs.
 pub fn the_current_state_is_the_one_that_was_received<F: Fixture>() {
     let mut peers = Peers::connect(&F::new());
     peers.exchange();

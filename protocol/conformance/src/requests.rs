@@ -86,7 +86,8 @@ pub fn requests_for_another_run_or_of_another_version_are_ignored<F: Fixture>() 
     assert_eq!(received, good);
 }
 
-/// A controller and a monitor get a changed scenario with the first sample of its revision, and once.
+/// A controller and a monitor get a changed scenario with the first sample of its revision, and
+/// once.
 pub fn a_changed_scenario_arrives_before_its_samples<F: Fixture>() {
     let mut peers = Peers::connect(&F::new());
     let mut monitor = MonitorPort::open(&peers.other).unwrap();

@@ -20,7 +20,8 @@ pub(crate) fn deadline() -> Instant {
     Instant::now() + Duration::from_secs(20)
 }
 
-/// A short wait: long enough for what is there already, and repeated by a caller that expects something.
+/// A short wait: long enough for what is there already, and repeated by a caller that expects
+/// something.
 pub(crate) fn glance() -> Instant {
     Instant::now() + Duration::from_millis(20)
 }
@@ -80,8 +81,8 @@ pub(crate) fn offered() -> Offered {
     Offered { run: RUN, revision: 0, scenario: scenario() }
 }
 
-/// Writes states until each reader has the newest, because a subscription takes a moment to reach the
-/// writer. Returns the next unused sequence number.
+/// Writes states until each reader has the newest, because a subscription takes a moment to reach
+/// the writer. Returns the next unused sequence number.
 pub(crate) fn connect(
     writer: &mut dyn Writer<StateSample>,
     readers: &mut [&mut dyn Reader<StateSample>],

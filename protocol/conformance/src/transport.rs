@@ -53,7 +53,8 @@ pub fn a_stream_keeps_order<F: Fixture>() {
     assert_eq!(stream.malformed(), 0);
 }
 
-/// A reader that follows a writer gets its newest sample once; a stream gets all of them after a flush.
+/// A reader that follows a writer gets its newest sample once; a stream gets all of them after a
+/// flush.
 pub fn a_follower_gets_the_newest_once_and_the_stream_gets_all<F: Fixture>() {
     let fixture = F::new();
     let (plant, other) = (fixture.join(Role::Plant), fixture.join(Role::Controller));
@@ -70,7 +71,8 @@ pub fn a_follower_gets_the_newest_once_and_the_stream_gets_all<F: Fixture>() {
         }
         let mut newest = None;
         eventually("the newest", || {
-            // Another process may hold the lock that `follow` needs; a port calls it with each sample.
+            // Another process may hold the lock that `follow` needs; a port calls it with each
+            // sample.
             follower.follow().unwrap();
             while let Some(found) = follower.take().unwrap() {
                 assert!(newest < Some(found.header.sequence), "newer and newer");

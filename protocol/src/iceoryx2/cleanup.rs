@@ -1,4 +1,5 @@
-//! The cleanup of the domain: every process that joins or leaves removes what crashed processes left.
+//! The cleanup of the domain: every process that joins or leaves removes what crashed processes
+//! left.
 
 use std::{
     collections::HashSet,
@@ -19,7 +20,8 @@ impl Domain {
     pub(super) fn clean_up(&self, _guard: &LockGuard<'_>) {
         // If this process cannot find out, the next one cleans up.
         let Some((mut living, dead)) = self.nodes() else { return };
-        // Segments first: iceoryx2 waits for ever for one whose creator crashed before it had a size.
+        // Segments first: iceoryx2 waits for ever for one whose creator crashed before it had a
+        // size.
         self.remove_segments(&living);
         for node in dead {
             // Without its details iceoryx2 would look for it in another domain.
@@ -97,7 +99,8 @@ impl Domain {
         }
     }
 
-    /// Removes unused services, and returns the numbers of those in use. `None` if one cannot be read.
+    /// Removes unused services, and returns the numbers of those in use. `None` if one cannot be
+    /// read.
     fn services(&self) -> Option<HashSet<u128>> {
         let (mut used, mut hashes, mut unused) = (HashSet::new(), HashSet::new(), HashSet::new());
         let listed = ipc::Service::list(&self.config, |service| {
@@ -144,7 +147,8 @@ fn numbers(name: &str) -> impl Iterator<Item = u128> {
     name.split(['_', '.']).filter_map(|part| part.parse().ok())
 }
 
-/// Removes a file or a directory, if it is still there. If that fails, the next process tries again.
+/// Removes a file or a directory, if it is still there. If that fails, the next process tries
+/// again.
 fn remove(path: &Path) {
     let _ = match fs::symlink_metadata(path) {
         Ok(found) if found.is_dir() => fs::remove_dir_all(path),

@@ -1,10 +1,11 @@
 //! A user's domain of shared memory, and the lock that guards it.
 //!
-//! What a user's processes share lies below `/dev/shm/mtj_<uid>`, which no other user may enter, or in
-//! segments beside it whose names begin with `mtj_<uid>_`. iceoryx2 cleans up after crashed processes, but
-//! not after all of them: not after one that crashed while it was creating or removing something. So all
-//! creation and removal happens under one file lock, which the kernel releases if the holder dies. The
-//! process that holds it knows that anything incomplete was left by a crashed process, and removes it.
+//! What a user's processes share lies below `/dev/shm/mtj_<uid>`, which no other user may enter, or
+//! in segments beside it whose names begin with `mtj_<uid>_`. iceoryx2 cleans up after crashed
+//! processes, but not after all of them: not after one that crashed while it was creating or
+//! removing something. So all creation and removal happens under one file lock, which the kernel
+//! releases if the holder dies. The process that holds it knows that anything incomplete was left
+//! by a crashed process, and removes it.
 
 use std::{
     fs::{self, DirBuilder, DirEntry, File, OpenOptions, Permissions, TryLockError},
@@ -48,7 +49,8 @@ pub(super) struct Domain {
 
 /// The file lock under which everything in the domain is created and removed.
 ///
-/// Other versions of mtj, and other programs, lock the same file (`docs/wire.md`): it is called `door`.
+/// Other versions of mtj, and other programs, lock the same file (`docs/wire.md`): it is called
+/// `door`.
 struct DomainLock {
     file: File,
     path: PathBuf,
@@ -161,8 +163,8 @@ impl Domain {
         Ok(self.locked(node))
     }
 
-    /// Creates something under the lock. If the attempt fails because of a process that has just crashed, or
-    /// was about to, it is repeated after a cleanup.
+    /// Creates something under the lock. If the attempt fails because of a process that has just
+    /// crashed or is ending, it is repeated after a cleanup.
     pub(super) fn create<T>(
         self: &Arc<Self>,
         mut attempt: impl FnMut() -> Result<T, AttemptError>,
@@ -181,8 +183,8 @@ impl Domain {
         }
     }
 
-    /// Replaces something by a new one, which may fail; returns false, and does nothing, if another process
-    /// holds the lock. For callers that have no time to wait.
+    /// Replaces something by a new one, which may fail; returns false, and does nothing, if another
+    /// process holds the lock. For callers that have no time to wait.
     pub(super) fn try_replace<T>(
         self: &Arc<Self>,
         thing: &mut Option<Locked<T>>,
@@ -192,7 +194,8 @@ impl Domain {
             return false;
         }
         let created = attempt();
-        // The old one locks the file once more, which succeeds at once, and unlocks it when it is removed.
+        // The old one locks the file once more, which succeeds at once, and unlocks it when it is
+        // removed.
         *thing = None;
         self.lock.unlock();
         *thing = created.map(|created| self.locked(created));
@@ -212,8 +215,8 @@ impl Domain {
         &self.root
     }
 
-    /// Allocates the part of a publisher's segment that it uses first, one `share`-th of it, so that the loop
-    /// does not run out of memory later. Only this process writes to the segment.
+    /// Allocates the part of a publisher's segment that it uses first, one `share`-th of it, so
+    /// that the loop does not run out of memory later. Only this process writes to the segment.
     pub(super) fn reserve(&self, publisher: u128, share: usize) -> io::Result<()> {
         let end = format!("_{publisher}.data");
         let is_ours = |name: &str| name.starts_with(&self.prefix) && name.ends_with(&end);

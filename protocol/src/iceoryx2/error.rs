@@ -36,14 +36,15 @@ use crate::bus::BusError;
 pub enum SharedMemoryError {
     /// Another user owns the directory of our domain.
     #[error(
-        "{} is not a directory of this user; have it removed, it is where mtj keeps what its processes share",
+        "{} is not a directory of this user; have it removed, it is where mtj keeps what its \
+         processes share",
         .0.display()
     )]
     ForeignDirectory(PathBuf),
     /// The session's topics have another layout.
     #[error(
-        "session '{session}' is used by another version of mtj; run the same mtj in all its processes, or \
-         choose another name with --session"
+        "session '{session}' is used by another version of mtj; run the same mtj in all its \
+         processes, or choose another name with --session"
     )]
     OtherVersion {
         /// The session's name.
@@ -51,8 +52,8 @@ pub enum SharedMemoryError {
     },
     /// A topic has no room for another writer.
     #[error(
-        "session '{session}' has as many processes that write '{topic}' as it may have; stop one, or choose \
-         another name with --session"
+        "session '{session}' has as many processes that write '{topic}' as it may have; stop one, \
+         or choose another name with --session"
     )]
     TooManyWriters {
         /// The session's name.
@@ -62,8 +63,8 @@ pub enum SharedMemoryError {
     },
     /// A topic has no room for another process.
     #[error(
-        "session '{session}' has as many processes at '{topic}' as it may have; stop one, or choose another \
-         name with --session"
+        "session '{session}' has as many processes at '{topic}' as it may have; stop one, or \
+         choose another name with --session"
     )]
     TooManyMembers {
         /// The session's name.
@@ -79,8 +80,8 @@ pub enum SharedMemoryError {
     },
     /// Another process holds the domain's lock.
     #[error(
-        "shared memory: process {holder} has held {} for {} s while it starts or ends; if it is stopped, let \
-         it go on or kill it",
+        "shared memory: process {holder} has held {} for {} s while it starts or ends; if it is \
+         stopped, let it go on or kill it",
         file.display(),
         patience.as_secs()
     )]
@@ -94,15 +95,16 @@ pub enum SharedMemoryError {
     },
     /// There is not enough memory.
     #[error(
-        "shared memory is full: /dev/shm has not {} MB left, which a process needs to join; remove what is in \
-         it, or make it larger (mount -o remount,size=…; in a container --shm-size)",
+        "shared memory is full: /dev/shm has not {} MB left, which a process needs to join; \
+         remove what is in it, or make it larger (mount -o remount,size=…; in a container \
+         --shm-size)",
         MEMORY >> 20
     )]
     Full(#[source] io::Error),
     /// There are not enough descriptors.
     #[error(
-        "there are no file descriptors left: shared memory needs up to {DESCRIPTORS} more in this process; \
-         allow it more with 'ulimit -n'"
+        "there are no file descriptors left: shared memory needs up to {DESCRIPTORS} more in this \
+         process; allow it more with 'ulimit -n'"
     )]
     NoDescriptors(#[source] io::Error),
     /// The system refused to create or read a file.

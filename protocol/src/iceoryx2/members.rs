@@ -1,6 +1,7 @@
 //! The members of a session: one file each, locked for as long as its process lives.
 //!
-//! iceoryx2 knows living processes too, but to ask it takes longer than a plant has between two samples.
+//! iceoryx2 knows living processes too, but to ask it takes longer than a plant has between two
+//! samples.
 
 use std::{
     any::Any,
@@ -69,7 +70,8 @@ impl Members {
     }
 }
 
-/// Whether the process that created a file lives: the kernel unlocks the file when the process dies.
+/// Whether the process that created a file lives: the kernel unlocks the file when the process
+/// dies.
 fn is_locked(file: &File) -> bool {
     matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock))
 }

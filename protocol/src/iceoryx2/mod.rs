@@ -1,9 +1,10 @@
 //! The bus over iceoryx2: zero-copy shared memory between the processes of one machine.
 //!
-//! Each topic is a publish-subscribe service `mtj/<session>/<topic>` that carries every sample to every
-//! reader. In addition, each writer of a sample that closes the loop has a slot, from which its followers get
-//! the newest sample sooner. Readers that block have a listener, and writers notify only while there is one,
-//! so a spinning loop makes no system calls. The scenario is a service of bytes with a history of one.
+//! Each topic is a publish-subscribe service `mtj/<session>/<topic>` that carries every sample to
+//! every reader. In addition, each writer of a sample that closes the loop has a slot, from which
+//! its followers get the newest sample sooner. Readers that block have a listener, and writers
+//! notify only while there is one, so a spinning loop makes no system calls. The scenario is a
+//! service of bytes with a history of one.
 //!
 //! ```text
 //! domain     a user's part of shared memory, and the lock that guards it
@@ -71,8 +72,8 @@ const MAX_OFFER: usize = 65536;
 /// How often a reader of a stream polls; it is no part of the loop, so it does not ask to be woken.
 const STREAM_POLL: Duration = Duration::from_millis(1);
 
-/// How often a spinning reader polls the slot before it returns; and how often it does that before it polls
-/// the stream.
+/// How often a spinning reader polls the slot before it returns; and how often it does that before
+/// it polls the stream.
 const POLLS: u32 = 32;
 
 /// A session on shared memory.
@@ -406,7 +407,8 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
             }
             std::hint::spin_loop();
         }
-        // To poll the stream takes as long as all of the above, and it seldom has what closes the loop.
+        // To poll the stream takes as long as all of the above, and it seldom has what closes the
+        // loop.
         self.spins = self.spins.wrapping_add(1);
         if self.spins.is_multiple_of(POLLS) { self.advance() } else { Ok(false) }
     }
@@ -435,8 +437,8 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
             let name = session.slot_name::<S>(writer)?;
             SlotReader::open(&session.node, &name, known)
         };
-        // The stream delivers the samples of a writer that has no slot or is gone, and of any writer for as long
-        // as another process holds the lock.
+        // The stream delivers the samples of a writer that has no slot or is gone, and of any
+        // writer for as long as another process holds the lock.
         if session.domain.try_replace(&mut self.slot, || open().ok()) {
             self.followed = Some(writer);
         }
@@ -478,8 +480,8 @@ impl Offering for Iceoryx2Offer {
 
 /// Sleeps until the listener is notified, or for `patience`, to the microsecond.
 ///
-/// The listener's own timed wait counts in kernel ticks of some milliseconds, which would miss sampling
-/// instants.
+/// The listener's own timed wait counts in kernel ticks of some milliseconds, which would miss
+/// sampling instants.
 #[expect(unsafe_code, reason = "a listener has only a raw descriptor to lend")]
 fn wait_readable(listener: &Listener<ipc::Service>, patience: Duration) {
     // SAFETY: the descriptor belongs to the listener, which outlives this borrow and keeps it open.

@@ -1,8 +1,9 @@
 //! A slot: the newest sample of one writer, on iceoryx2's blackboard.
 //!
-//! A blackboard's entry has one writer. If the writer is killed, the entry stays locked for as long as any
-//! process has the service open (iceoryx2 #2008). So a slot belongs to one incarnation of a writer and is named
-//! by the unique number of its publisher; a reader that follows another writer opens another slot.
+//! A blackboard's entry has one writer. If the writer is killed, the entry stays locked for as long
+//! as any process has the service open (iceoryx2 #2008). So a slot belongs to one incarnation of a
+//! writer and is named by the unique number of its publisher; a reader that follows another writer
+//! opens another slot.
 
 use iceoryx2::{
     port::{
@@ -56,8 +57,9 @@ impl<S: Sample> SlotWriter<S> {
 
     /// Prefetches the place of the next sample, off the critical path.
     ///
-    /// An entry has room for two values, written in turns. The counter that tells which comes next was last in
-    /// a reader's cache, and so was the memory of that value. Writing any sample there fetches both.
+    /// An entry has room for two values, written in turns. The counter that tells which comes next
+    /// was last in a reader's cache, and so was the memory of that value. Writing any sample there
+    /// fetches both.
     pub(super) fn prefetch(&mut self, any: &S) {
         self.0 = self.0.take().map(|entry| match entry {
             Entry::Idle(entry) => {
@@ -80,7 +82,8 @@ pub(super) struct SlotReader<S: Sample> {
 }
 
 impl<S: Sample> SlotReader<S> {
-    /// Opens the slot of this name; requires the domain's lock. The sample of `known` was received already.
+    /// Opens the slot of this name; requires the domain's lock. The sample of `known` was received
+    /// already.
     pub(super) fn open(
         node: &Node<ipc::Service>,
         name: &ServiceName,
@@ -106,7 +109,8 @@ impl<S: Sample> SlotReader<S> {
         self.is_fresh = false;
         loop {
             self.last = self.entry.get();
-            // A sample that was written while we read may be the one we have read; it would look new once more.
+            // A sample that was written while we read may be the one we have read; it would look
+            // new once more.
             if self.entry.is_up_to_date(&self.last) {
                 return true;
             }

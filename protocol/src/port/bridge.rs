@@ -4,8 +4,8 @@
 //! announcements and the scenario to the *far* bus; requests come back. Torques never come back: no
 //! process on the far bus takes part in the loop, and no process in the loop can notice the bridge.
 //!
-//! Samples cross unchanged and are checked by the port that reads them. Only samples of another protocol
-//! version are dropped, because their layout is another.
+//! Samples cross unchanged and are checked by the port that reads them. Only samples of another
+//! protocol version are dropped, because their layout is another.
 
 use std::{
     any::Any,

@@ -13,11 +13,11 @@ use crate::{
     sample::{ErrorSample, Header, StateSample, TorqueSample},
 };
 
-/// How many states in a row may be older than the newest. No network reorders more; so the newest was not
-/// the plant's, but damaged on its way.
+/// How many states in a row may be older than the newest. No network reorders more; so the newest
+/// was not the plant's, but damaged on its way.
 const STALE: u32 = 10;
-/// How long the plant must be silent before states of another run count: a plant that was restarted sends
-/// nothing more under its old run, and beside a living plant other runs are not for us.
+/// How long the plant must be silent before states of another run count: a plant that was restarted
+/// sends nothing more under its old run, and beside a living plant other runs are not for us.
 const QUIET: Duration = Duration::from_millis(20);
 
 /// What a controller has to do about the [current state](ControllerPort::state).
@@ -146,8 +146,8 @@ impl ControllerPort {
         self.kept.as_ref().unwrap_or_else(|| self.states.sample())
     }
 
-    /// Returns the scenario of the current state, if it is newer than the one that we have. If it cannot be
-    /// fetched now, a later call tries again.
+    /// Returns the scenario of the current state, if it is newer than the one that we have. If it
+    /// cannot be fetched now, a later call tries again.
     pub fn newer_scenario(&mut self, bus: &impl Bus) -> Result<Option<Offered>, BusError> {
         let header = self.state().header;
         self.scenario.follow(bus, &header)
@@ -155,7 +155,7 @@ impl ControllerPort {
 
     /// Whether we lead, and so must answer the current state; otherwise we stand by.
     pub fn is_leader(&self) -> bool {
-        self.state().leader == self.id
+        self.state().leader() == Some(self.id)
     }
 
     /// Sends the answer to a state; fills in our number.
@@ -169,8 +169,8 @@ impl ControllerPort {
         self.errors.write(error)
     }
 
-    /// Publishes the torque to all readers, and our presence. Off the critical path too; call it after each
-    /// state.
+    /// Publishes the torque to all readers, and our presence. Off the critical path too; call it
+    /// after each state.
     pub fn flush(&mut self) -> Result<(), BusError> {
         // Here rather than on reception: to read a clock takes a good part of what a law takes.
         self.handled = Instant::now();

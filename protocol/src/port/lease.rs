@@ -1,10 +1,10 @@
 //! The election of the leader: the one controller whose torques the plant accepts.
 //!
-//! The plant elects, and names the leader in every state. The leader holds a *lease*, which it renews by
-//! answering. If it leaves a state unanswered for longer than the lease lasts, or the bus notices before
-//! that it is gone, the plant elects another: the controller with the highest precedence, among those the
-//! one that joined first. A controller that answers is never replaced, and torques of all others are
-//! rejected, so two controllers never alternate.
+//! The plant elects, and names the leader in every state. The leader holds a *lease*, which it
+//! renews by answering. If it leaves a state unanswered for longer than the lease lasts, or the bus
+//! notices before that it is gone, the plant elects another: the controller with the highest
+//! precedence, among those the one that joined first. A controller that answers is never replaced,
+//! and torques of all others are rejected, so two controllers never alternate.
 
 use std::{
     cmp::Reverse,
@@ -18,8 +18,8 @@ use crate::{
 
 /// How often to look for a controller while there is none, or none that answers.
 const LOOK: Duration = Duration::from_millis(10);
-/// For how long a controller that did not answer comes last in elections: if all are slower than the lease,
-/// each leads for at least as long.
+/// For how long a controller that did not answer comes last in elections: if all are slower than
+/// the lease, each leads for at least as long.
 const DISTRUST: Duration = Duration::from_secs(1);
 
 /// The leader of one run, and its lease.
@@ -110,7 +110,8 @@ impl Lease {
         self.leader.is_none_or(|leader| leader == controller)
     }
 
-    /// Renews the lease after an answer of this controller; without an elected leader, it becomes the leader.
+    /// Renews the lease after an answer of this controller; without an elected leader, it becomes
+    /// the leader.
     pub(super) fn renew(&mut self, controller: u64) {
         self.leader = Some(controller);
         self.waiting = None;
@@ -129,7 +130,8 @@ impl Lease {
         Ok(!self.attendance.is_present(member)?)
     }
 
-    /// Elects the best controller that is present, and the one that did not answer only if there is no other.
+    /// Elects the best controller that is present, and the one that did not answer only if there is
+    /// no other.
     fn elect(&mut self, now: Instant) -> Result<(), BusError> {
         let silent = self.leader;
         let distrusted = self

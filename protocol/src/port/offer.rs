@@ -51,8 +51,8 @@ pub(super) struct Follower {
 }
 
 impl Follower {
-    /// A follower without a scenario. It fetches once, because some buses deliver an offer only to processes
-    /// that have asked before.
+    /// A follower without a scenario. It fetches once, because some buses deliver an offer only to
+    /// processes that have asked before.
     pub(super) fn subscribe(bus: &impl Bus) -> Result<Self, BusError> {
         bus.fetch()?;
         Ok(Self::default())
@@ -91,8 +91,8 @@ impl Follower {
     }
 }
 
-/// Waits for the scenario that a plant offers, for as long as `proceed` returns true; `None` when it no
-/// longer does.
+/// Waits for the scenario that a plant offers, for as long as `proceed` returns true; `None` when
+/// it no longer does.
 pub fn fetch_scenario(
     bus: &impl Bus,
     proceed: &dyn Fn() -> bool,

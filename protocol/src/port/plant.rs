@@ -13,7 +13,8 @@ use crate::{
     sample::{ChangeSample, RequestSample, StateSample, StatusSample, TorqueSample},
 };
 
-/// The plant's end: writes states, status and changes, reads torques and requests, offers the scenario.
+/// The plant's end: writes states, status and changes, reads torques and requests, offers the
+/// scenario.
 pub struct PlantPort {
     states: Box<dyn Writer<StateSample>>,
     statuses: Box<dyn Writer<StatusSample>>,
@@ -62,7 +63,8 @@ impl PlantPort {
         self.renew(scenario, 0)
     }
 
-    /// Admits the current torque: the filter checks the sample, the port that its leader answers a state.
+    /// Admits the current torque: the filter checks the sample, the port that its leader answers a
+    /// state.
     fn admit(&mut self) -> Admission {
         let torque = self.torques.sample();
         let (asked, lease) = (self.sent.state.header.sequence, &self.lease);
@@ -135,8 +137,9 @@ impl Exchange for PlantPort {
     }
 
     fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
-        // While the leader that answered before may still answer, only wait. A leader that does not follow our
-        // states, such as a program that reads only the stream, needs the flush below first.
+        // While the leader that answered before may still answer, only wait. A leader that does not
+        // follow our states, such as a program that reads only the stream, needs the flush below
+        // first.
         let is_close = self.torques.follows() && self.lease.is_proven();
         if self.sent.answers == 0
             && let Some(lapse) = self.lease.lapse().filter(|_| is_close)

@@ -14,7 +14,8 @@ use crate::{
 /// How often a role publishes its presence.
 const PERIOD: Duration = Duration::from_secs(1);
 
-/// A member's announcement on the bus, and the presence sample that tells monitors its process and machine.
+/// A member's announcement on the bus, and the presence sample that tells monitors its process and
+/// machine.
 pub(super) struct Presence {
     writer: Box<dyn Writer<PresenceSample>>,
     sample: PresenceSample,
@@ -39,7 +40,8 @@ impl Presence {
         Ok(Self { writer: bus.writer()?, sample, next: Instant::now(), _announcement })
     }
 
-    /// Publishes the presence if a period is over; `header` is of the instant that the role handled last.
+    /// Publishes the presence if a period is over; `header` is of the instant that the role handled
+    /// last.
     pub(super) fn publish(&mut self, header: &Header) -> Result<(), BusError> {
         if Instant::now() < self.next {
             return Ok(());

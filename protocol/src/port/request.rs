@@ -12,15 +12,16 @@ use crate::{
     sample::{ChangeSample, RequestSample},
 };
 
-/// How long to wait before a request is repeated: a bus may lose one, and a plant that receives one twice
-/// answers it twice and carries it out once.
+/// How long to wait before a request is repeated: a bus may lose one, and a plant that receives one
+/// twice answers it twice and carries it out once.
 pub const REPEAT: Duration = Duration::from_millis(100);
 
-/// The plant did not answer a request. Zenoh silently drops requests from clients without permission.
+/// The plant did not answer a request. Zenoh silently drops requests from clients without
+/// permission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the plant does not answer; where it is reached with certificates, only an operator may turn knobs \
-     (--identity operator)"
+    "the plant does not answer; where it is reached with certificates, only an operator may turn \
+     knobs (--identity operator)"
 )]
 pub struct Unanswered;
 

@@ -1,7 +1,7 @@
 //! Zenoh's access control: which role may write and read which topic, by the names in certificates.
 //!
-//! The rules are those of `deploy/router.json5`. A plant without a router applies them itself, for its own
-//! session.
+//! The rules are those of `deploy/router.json5`. A plant without a router applies them itself, for
+//! its own session.
 
 use serde_json::Value;
 use zenoh::{Config, Error};

@@ -8,16 +8,16 @@ use crate::member::Role;
 
 /// How many samples may wait for Zenoh's sending thread before one is dropped: Zenoh's maximum.
 ///
-/// Its default of 2 loses samples of a monitor's stream at 1 kHz whenever the thread gets no core for some
-/// milliseconds; the loop reads the newest anyway.
+/// Its default of 2 loses samples of a monitor's stream at 1 kHz whenever the thread gets no core
+/// for some milliseconds; the loop reads the newest anyway.
 const QUEUE: usize = 16;
 
-/// How long a bridge's writer waits for room, µs: for as long a machine may keep Zenoh's sending thread from
-/// a core.
+/// How long a bridge's writer waits for room, µs: for as long a machine may keep Zenoh's sending
+/// thread from a core.
 const PATIENCE_US: &str = "200000";
 
-/// The session's configuration: the user's file if there is one, overridden by the settings of the command
-/// line and the scenario.
+/// The session's configuration: the user's file if there is one, overridden by the settings of the
+/// command line and the scenario.
 pub(super) fn configure(settings: &BusSettings, role: Role) -> Result<Config, ZenohError> {
     let mut config = match &settings.config {
         None => Config::default(),
@@ -70,14 +70,15 @@ pub(super) fn configure(settings: &BusSettings, role: Role) -> Result<Config, Ze
     Ok(config)
 }
 
-/// Makes a writer wait a moment rather than drop a sample. A peer that accepts nothing more delays the others
-/// once, and is then skipped until it accepts samples again.
+/// Makes a writer wait a moment rather than drop a sample. A peer that accepts nothing more delays
+/// the others once, and is then skipped until it accepts samples again.
 pub(super) fn wait_before_drop(config: &mut Config) -> Result<(), ZenohError> {
     let key = "transport/link/tx/queue/congestion_control/drop/wait_before_drop";
     config.insert_json5(key, PATIENCE_US).map_err(ZenohError::Configuration)
 }
 
-/// Whether a role listens: a plant does, unless it has a router to connect to and no endpoint to listen on.
+/// Whether a role listens: a plant does, unless it has a router to connect to and no endpoint to
+/// listen on.
 pub(super) fn listens(settings: &BusSettings, role: Role) -> bool {
     role == Role::Plant && (settings.listen.is_some() || settings.connect.is_none())
 }

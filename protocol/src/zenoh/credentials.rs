@@ -16,7 +16,8 @@ pub(super) struct Credentials {
 }
 
 impl Credentials {
-    /// The credentials of a role, if the settings name any; checked as far as that is possible without a peer.
+    /// The credentials of a role, if the settings name any; checked as far as that is possible
+    /// without a peer.
     pub(super) fn of(settings: &BusSettings, role: Role) -> Result<Option<Self>, ZenohError> {
         let Some(directory) = &settings.certs else { return Ok(None) };
         let name = settings.identity.as_deref().unwrap_or(role.name());
@@ -48,8 +49,8 @@ impl Credentials {
         Ok(())
     }
 
-    /// The keys of a Zenoh configuration and their values: mutual TLS, on links that end when a certificate
-    /// expires.
+    /// The keys of a Zenoh configuration and their values: mutual TLS, on links that end when a
+    /// certificate expires.
     pub(super) fn tls(&self) -> Vec<(String, String)> {
         let path = |path: &Path| format!("{:?}", path.display().to_string());
         let (certificate, key) = (path(&self.certificate), path(&self.key));

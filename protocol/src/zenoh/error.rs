@@ -49,9 +49,9 @@ pub enum ZenohError {
     },
     /// The session would listen to anybody on the network.
     #[error(
-        "{setting} = {endpoint} is refused: anybody who reaches this address over the network could move the \
-         arm; prove who connects with --certs DIR and a tls/ or quic/ address, listen on 127.0.0.1, or say \
-         --insecure if the network is yours alone"
+        "{setting} = {endpoint} is refused: anybody who reaches this address over the network \
+         could move the arm; prove who connects with --certs DIR and a tls/ or quic/ address, \
+         listen on 127.0.0.1, or say --insecure if the network is yours alone"
     )]
     Exposed {
         /// Where the endpoint is set.
@@ -61,8 +61,8 @@ pub enum ZenohError {
     },
     /// The plant cannot listen.
     #[error(
-        "bus.listen = {endpoints} cannot be listened on, perhaps because the port is in use ({}); choose another \
-         with --listen",
+        "bus.listen = {endpoints} cannot be listened on, perhaps because the port is in use ({}); \
+         choose another with --listen",
         in_one_line(source)
     )]
     Listen {

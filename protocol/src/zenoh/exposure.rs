@@ -10,8 +10,8 @@ use super::ZenohError;
 
 /// Refuses to listen beyond this machine without mutual TLS, unless the settings say `insecure`.
 ///
-/// Checks the configuration in effect, whether it comes from the command line, a scenario, a configuration
-/// file or Zenoh's own defaults.
+/// Checks the configuration in effect, whether it comes from the command line, a scenario, a
+/// configuration file or Zenoh's own defaults.
 pub(super) fn check(config: &Config, settings: &BusSettings) -> Result<(), ZenohError> {
     if settings.insecure {
         return Ok(());

@@ -1,9 +1,9 @@
 //! The bus over Zenoh: between machines, or processes that should not share memory.
 //!
-//! The plant is a Zenoh peer that listens; controllers and monitors are clients that connect to it. Or all
-//! connect to a router. So all traffic of a session passes through explicit addresses. Samples travel express
-//! (no batching), with real-time priority, and are dropped rather than queued when the network is congested:
-//! a late sample is worth less than the next one.
+//! The plant is a Zenoh peer that listens; controllers and monitors are clients that connect to it.
+//! Or all connect to a router. So all traffic of a session passes through explicit addresses.
+//! Samples travel express (no batching), with real-time priority, and are dropped rather than
+//! queued when the network is congested: a late sample is worth less than the next one.
 //!
 //! ```text
 //! config       the session's configuration, made of the user's settings
@@ -68,8 +68,8 @@ pub struct ZenohBus {
 debug_by_name!(ZenohBus);
 
 impl ZenohBus {
-    /// Opens a Zenoh session. A role that does not listen tries to connect for as long as `proceed` returns true;
-    /// `None` when it no longer does.
+    /// Opens a Zenoh session. A role that does not listen tries to connect for as long as `proceed`
+    /// returns true; `None` when it no longer does.
     pub fn open(
         settings: &BusSettings,
         role: Role,
@@ -116,8 +116,9 @@ impl ZenohBus {
                 Err(_) => {
                     if warn_at.take_if(|from| Instant::now() >= *from).is_some() {
                         tracing::warn!(
-                            "no way to {} yet: nobody is there, its certificate is of another authority or \
-                             for another host name, or ours is not accepted; still trying",
+                            "no way to {} yet: nobody is there, its certificate is of another \
+                             authority or for another host name, or ours is not accepted; still \
+                             trying",
                             settings.connect_endpoints().join(", ")
                         );
                     }

@@ -1,9 +1,9 @@
 //! The recovery of a session within a second after the network failed.
 //!
-//! Both ends of a link that was cut must close it, and the client must open another one, because TCP and QUIC
-//! retransmit at longer and longer intervals. Each end closes a link that was silent for the lease; then the
-//! client tries to connect until it succeeds. So after the network's return, recovery takes one attempt, and
-//! the rest of the lease at most.
+//! Both ends of a link that was cut must close it, and the client must open another one, because
+//! TCP and QUIC retransmit at longer and longer intervals. Each end closes a link that was silent
+//! for the lease; then the client tries to connect until it succeeds. So after the network's
+//! return, recovery takes one attempt, and the rest of the lease at most.
 
 use std::{
     fs,
@@ -19,8 +19,8 @@ use super::ZenohError;
 
 /// The keys of a Zenoh configuration that limit an interruption, times in ms.
 ///
-/// Opening a link takes four to five round trips. If a round trip takes longer than 0.1 s, a configuration
-/// file must set a longer `open_timeout`.
+/// Opening a link takes four to five round trips. If a round trip takes longer than 0.1 s, a
+/// configuration file must set a longer `open_timeout`.
 pub(super) const SETTINGS: [(&str, &str); 4] = [
     ("transport/link/tx/lease", "500"),
     ("transport/link/tx/keep_alive", "4"),
@@ -34,9 +34,9 @@ const PERIOD: Duration = Duration::from_millis(200);
 /// A thread that switches lingering off on Zenoh's sockets, until this is dropped.
 ///
 /// Zenoh lets TCP linger for ten seconds (`TCP_LINGER_TIMEOUT` in zenoh-link-tcp and -tls, which no
-/// setting changes). Closing a link that was cut then blocks the thread that receives from all peers, and the
-/// link's peer is refused, until the last bytes are acknowledged. Without lingering the system sends the rest
-/// by itself.
+/// setting changes). Closing a link that was cut then blocks the thread that receives from all
+/// peers, and the link's peer is refused, until the last bytes are acknowledged. Without lingering
+/// the system sends the rest by itself.
 pub(super) struct LingerGuard {
     _until_dropped: Sender<()>,
 }
@@ -57,16 +57,17 @@ impl LingerGuard {
     }
 }
 
-/// Switches lingering off on all sockets of this process: only Zenoh's linger, and it does not tell which
-/// they are.
+/// Switches lingering off on all sockets of this process: only Zenoh's linger, and it does not tell
+/// which they are.
 fn switch_lingering_off() {
     let Ok(descriptors) = fs::read_dir("/proc/self/fd") else { return };
     let numbers =
         descriptors.flatten().filter_map(|entry| entry.file_name().to_str()?.parse().ok());
     for number in numbers.filter(|number: &RawFd| *number >= 0) {
         #[allow(unsafe_code, reason = "Zenoh owns the socket and does not lend it")]
-        // SAFETY: the descriptor is used at once, for two system calls. If Zenoh closes the socket meanwhile, they
-        // fail, or concern another socket of this process, which then does not linger either.
+        // SAFETY: the descriptor is used at once, for two system calls. If Zenoh closes the socket
+        // meanwhile, they fail, or concern another socket of this process, which then does not
+        // linger either.
         let descriptor = unsafe { BorrowedFd::borrow_raw(number) };
         let socket = SockRef::from(&descriptor);
         if let Ok(Some(_)) = socket.linger() {
