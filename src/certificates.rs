@@ -115,7 +115,7 @@ impl Authority {
                 let pair =
                     fs::read_to_string(&key).ok().and_then(|text| KeyPair::from_pem(&text).ok());
                 let made_here = |pair: &KeyPair| {
-                    found.holds(pair.public_key_raw()) && found.holds(AUTHORITY.as_bytes())
+                    found.contains(pair.public_key_raw()) && found.contains(AUTHORITY.as_bytes())
                 };
                 pair.filter(made_here)
                     .ok_or(CertificateError::OtherAuthority { key, certificate })?

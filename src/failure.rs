@@ -9,7 +9,9 @@ use mtj_plant::error::PlantError;
 use mtj_protocol::bus::BusError;
 use mtj_study::StudyError;
 
-use crate::{certificates::CertificateError, launcher::LaunchError, paper::runs::RunsError};
+#[cfg(feature = "zenoh")]
+use crate::certificates::CertificateError;
+use crate::{launcher::LaunchError, paper::runs::RunsError};
 
 /// Why a command failed, with the exit status it deserves.
 #[derive(Debug)]
@@ -50,7 +52,7 @@ impl From<ScenarioError> for Failure {
 
 impl From<BusError> for Failure {
     fn from(error: BusError) -> Self {
-        let is_bad_input = matches!(error, BusError::Settings(_));
+        let is_bad_input = error.is_bad_input();
         Self::new(error, is_bad_input)
     }
 }
@@ -76,6 +78,7 @@ impl From<FigureError> for Failure {
     }
 }
 
+#[cfg(feature = "zenoh")]
 impl From<CertificateError> for Failure {
     fn from(error: CertificateError) -> Self {
         let is_bad_input = error.is_bad_input();
@@ -92,10 +95,8 @@ impl From<RunsError> for Failure {
 
 impl From<ServeError> for Failure {
     fn from(error: ServeError) -> Self {
-        match error {
-            ServeError::Bus(error) => error.into(),
-            ServeError::Law(error) => Self::other(error),
-        }
+        let is_bad_input = error.is_bad_input();
+        Self::new(error, is_bad_input)
     }
 }
 

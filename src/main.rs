@@ -1,6 +1,7 @@
 //! `mtj`: one program for all roles. Each command is a file of `command/`.
 
 mod benchmark;
+#[cfg(feature = "zenoh")]
 mod certificates;
 mod command;
 mod failure;
@@ -22,7 +23,6 @@ use self::{
     command::{
         bench::Bench,
         bridge::BridgeCommand,
-        certs::Certs,
         completions::Completions,
         export::Export,
         latency::{Echo, Latency},
@@ -70,7 +70,9 @@ enum Command {
     Latency(Latency),
     #[command(hide = true)]
     Echo(Echo),
-    Certs(Certs),
+    #[cfg(feature = "zenoh")]
+    #[cfg(feature = "zenoh")]
+    Certs(command::certs::Certs),
     Bench(Bench),
     Completions(Completions),
 }
@@ -127,6 +129,8 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Kick(kick) => kick.run(),
         Command::Latency(latency) => latency.run(),
         Command::Echo(echo) => echo.run(),
+        #[cfg(feature = "zenoh")]
+        #[cfg(feature = "zenoh")]
         Command::Certs(certs) => certs.run(),
         Command::Bench(bench) => bench.run(),
         Command::Completions(completions) => completions.run(Program::command()),

@@ -70,7 +70,7 @@ impl Session {
         let go_on = || proceed() && is_alive();
         let outcome = plant::run(&scenario, run, &mut port, watch, &go_on)?;
         if !is_alive() && proceed() {
-            return Err(BusError::Controller("the controller gave up".to_owned()).into());
+            return Err(BusError::Controller("the controller gave up".into()).into());
         }
         self.controller = Some(controller.into_inner());
         Ok((!outcome.interrupted).then_some(outcome))

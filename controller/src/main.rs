@@ -6,8 +6,7 @@ use std::{
 };
 
 use clap::Parser;
-use mtj_controller::{program::ControllerOptions, serve::ServeError};
-use mtj_protocol::bus::BusError;
+use mtj_controller::program::ControllerOptions;
 
 #[derive(Parser)]
 #[command(name = "mtj-controller", version, about)]
@@ -23,8 +22,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             let _ = writeln!(io::stderr(), "mtj-controller: {error}");
-            let is_bad_input = matches!(error, ServeError::Bus(BusError::Settings(_)));
-            ExitCode::from(if is_bad_input { 2 } else { 1 })
+            ExitCode::from(if error.is_bad_input() { 2 } else { 1 })
         }
     }
 }

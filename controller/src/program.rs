@@ -58,7 +58,6 @@ impl ControllerOptions {
             return Ok(None);
         }
         let options = BusOptions { wait: self.wait.clone(), ..BusOptions::from(self.bus.clone()) };
-        let settings = options.settings().map_err(|error| BusError::Settings(error.to_string()))?;
-        Ok(Some(settings.wait))
+        Ok(Some(options.settings()?.wait))
     }
 }

@@ -9,7 +9,7 @@ use mtj_model::scenario::{Scenario, Wait};
 use mtj_protocol::{
     bus::{Bus, BusError},
     member::Member,
-    port::{self, ControllerPort, Heard},
+    port::{self, ControllerPort, Received},
 };
 
 use crate::{Controller, LawError};
@@ -33,7 +33,7 @@ pub enum ServeError {
 impl ServeError {
     /// Whether the user asked for something that cannot be: exit status 2.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::Bus(BusError::Settings(_)))
+        matches!(self, Self::Bus(error) if error.is_bad_input())
     }
 }
 
@@ -69,29 +69,29 @@ fn serve_run(
     let mut controller = Controller::new(scenario);
     while proceed() {
         match port.receive(Instant::now() + PATIENCE)? {
-            Some(Heard::Misled) => return Ok(()),
-            Some(Heard::OtherRun) if port.newer_scenario(bus)?.is_some() => return Ok(()),
-            None | Some(Heard::OtherRun) => {}
-            Some(Heard::Again) => {
+            Some(Received::Misled) => return Ok(()),
+            Some(Received::OtherRun) if port.newer_scenario(bus)?.is_some() => return Ok(()),
+            None | Some(Received::OtherRun) => {}
+            Some(Received::Repeated) => {
                 let torque = controller.answer_again(port.state());
-                if port.is_in_charge() {
+                if port.is_leader() {
                     port.send(torque)?;
                 }
-                port.tell()?;
+                port.flush()?;
             }
-            Some(Heard::State) => {
+            Some(Received::New) => {
                 let received = Instant::now();
                 if let Some(changed) = port.newer_scenario(bus)? {
                     controller.reconfigure(&changed.scenario);
                 }
                 let torque = controller.respond(port.state())?;
-                if port.is_in_charge() {
+                if port.is_leader() {
                     torque.residence_ns = received.elapsed().as_nanos() as u64;
                     port.send(torque)?;
                     port.publish(controller.error())?;
                 }
                 controller.preprocess(port.state());
-                port.tell()?;
+                port.flush()?;
             }
         }
     }

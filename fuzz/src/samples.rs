@@ -2,7 +2,7 @@
 
 use mtj_protocol::{
     codec::{self, LARGEST_SAMPLE},
-    gate::{self, Fault, Gate, Verdict},
+    admission::{self, Rejection, AdmissionFilter, Admission},
     sample::{
         ChangeSample, ErrorSample, Field, PresenceSample, RequestSample, Sample, StateSample,
         StatusSample, TorqueSample,
@@ -11,7 +11,7 @@ use mtj_protocol::{
 
 use crate::scenario;
 
-/// What decodes encodes to the same bytes, and what passes a gate is finite and within its counts.
+/// What decodes encodes to the same bytes, and what passes the filter is finite and within its counts.
 pub fn samples(data: &[u8]) {
     sample::<StateSample>(data);
     sample::<TorqueSample>(data);
@@ -29,14 +29,14 @@ pub fn samples(data: &[u8]) {
 fn sample<S: Sample>(data: &[u8]) {
     let Some(sample) = codec::decode::<S>(data) else {
         assert_ne!(data.len(), size_of::<S>(), "all bytes of the right length are a sample");
-        let other = codec::read::<S>(data).map(|sample| gate::fault(&sample));
-        assert!(matches!(other, None | Some(Some(Fault::Version(_)))), "a header alone passes");
+        let other = codec::read::<S>(data).map(|sample| admission::check(&sample));
+        assert!(matches!(other, None | Some(Err(Rejection::Version(_)))), "a header alone passes");
         return;
     };
     let mut buffer = [0; LARGEST_SAMPLE];
     assert_eq!(codec::encode(&sample, &mut buffer), data);
-    let mut gate = Gate::new(sample.header().run);
-    let passes = gate.judge(&sample) == Verdict::Fresh;
+    let mut filter = AdmissionFilter::new(sample.header().run);
+    let passes = filter.admit(&sample) == Admission::Fresh;
     sample.fields(&mut |_, field| match field {
         Field::Numbers(numbers) => {
             assert!(!passes || numbers.iter().all(|number| number.is_finite()));
@@ -44,6 +44,6 @@ fn sample<S: Sample>(data: &[u8]) {
         Field::Text(words) => assert!(!words.contains('\0')),
         Field::Count(_) => {}
     });
-    let again = gate.judge(&sample);
-    assert!(if passes { again == Verdict::Repeated } else { gate.refused() == 2 });
+    let again = filter.admit(&sample);
+    assert!(if passes { again == Admission::Repeated } else { filter.rejected() == 2 });
 }

@@ -15,8 +15,8 @@ use mtj_monitor::{
     web::Dashboards,
 };
 use mtj_protocol::{
-    codec, gate,
-    knob::Knob,
+    codec, admission,
+    request::Request,
     port::{Message, Offered},
     sample::{Sample, VERSION},
 };
@@ -50,7 +50,7 @@ pub fn session(data: &[u8]) {
         let _ = (overview.time(), overview.law(), overview.alarm(), overview.phase());
         match message {
             Message::Change(change) => drop(change.words()),
-            Message::Request(request) => drop(Knob::of(&request)),
+            Message::Request(request) => drop(Request::from_sample(&request)),
             _ => {}
         }
     }
@@ -62,7 +62,7 @@ fn sample<S: Sample>(bytes: &[u8], message: fn(S) -> Message) -> (Option<Message
     whole[..used].copy_from_slice(&bytes[..used]);
     whole[..4].copy_from_slice(&VERSION.to_le_bytes());
     let sample = codec::decode::<S>(&whole[..size_of::<S>()]);
-    (sample.filter(|sample| gate::fault(sample).is_none()).map(message), used)
+    (sample.filter(|sample| admission::check(sample).is_none()).map(message), used)
 }
 
 /// A built-in scenario of a run that the bytes name.

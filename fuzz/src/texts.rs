@@ -11,7 +11,7 @@ use mtj_plant::{
 };
 use mtj_protocol::{
     bus::BusError,
-    knob::Knob,
+    request::Request,
     member::Member,
     sample::{RequestSample, VERSION, text_of},
 };
@@ -75,7 +75,7 @@ fn run_briefly(scenario: &Scenario) {
                 }
             }
         }
-        Err(BusError::Controller(_) | BusError::Settings(_)) => {}
+        Err(error) if matches!(error, BusError::Controller(_)) || error.is_bad_input() => {}
         Err(error) => panic!("{error}"),
     }
 }
@@ -136,17 +136,17 @@ fn latencies(csv: &[u8]) {
 
 /// A knob that a dashboard lets pass goes to the plant as a request, and the plant understands what was meant.
 pub fn knob(data: &[u8]) {
-    let Ok(knob) = serde_json::from_slice::<Knob>(data) else { return };
-    if knob.fault().is_some() {
+    let Ok(knob) = serde_json::from_slice::<Request>(data) else { return };
+    if knob.check().is_err() {
         return;
     }
-    let request: RequestSample = knob.request(1, 2);
+    let request: RequestSample = knob.to_sample(1, 2);
     assert_eq!((request.header.version, request.header.run), (VERSION, 1));
-    if let Ok(understood) = Knob::of(&request) {
-        let again = understood.request(1, 2);
+    if let Ok(understood) = Request::from_sample(&request) {
+        let again = understood.to_sample(1, 2);
         assert!(text_of(&again.text).lines().eq(text_of(&request.text).lines()));
         assert_eq!(RequestSample { text: request.text, ..again }, request);
     } else {
-        assert!(matches!(knob, Knob::Set(_)), "{knob:?}");
+        assert!(matches!(knob, Request::Set(_)), "{knob:?}");
     }
 }

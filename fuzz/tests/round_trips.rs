@@ -3,7 +3,7 @@
 use mtj_model::scenario::{Override, duration};
 use mtj_protocol::{
     codec::{self, LARGEST_SAMPLE, Offer},
-    knob::Knob,
+    request::Request,
     member::{Member, Role},
     sample::{
         ChangeSample, ErrorSample, Header, PresenceSample, RequestSample, Sample, StateSample,
@@ -143,9 +143,9 @@ proptest! {
 
     #[test]
     fn a_kick_comes_back_to_the_nanosecond(torque in vec(-1e3_f64..1e3, 7), nanoseconds in 1_u64..60_000_000_000) {
-        let kick = Knob::Kick { torque, milliseconds: nanoseconds as f64 * 1e-6 };
-        let request = kick.request(1, 2);
+        let kick = Request::Kick { torque, milliseconds: nanoseconds as f64 * 1e-6 };
+        let request = kick.to_sample(1, 2);
         assert_eq!(request.duration_ns, nanoseconds);
-        assert_eq!(Knob::of(&request).map(|kick| kick.request(1, 2)), Ok(request));
+        assert_eq!(Request::from_sample(&request).map(|kick| kick.to_sample(1, 2)), Ok(request));
     }
 }

@@ -8,8 +8,8 @@ use std::{
 
 use mtj_protocol::{
     bus::{Bus, BusError},
-    knob::Knob,
-    port::{Message, REPEAT, RequestPort, UNANSWERED},
+    port::{Message, REPEAT, RequestPort, Unanswered},
+    request::Request,
     sample::{ChangeSample, RequestSample},
 };
 
@@ -25,11 +25,11 @@ type Reply = Box<dyn FnOnce(Outcome) + Send>;
 
 /// Where knobs are handed in, from any thread.
 #[derive(Clone)]
-pub struct Counter(Sender<(Knob, Reply)>);
+pub struct Counter(Sender<(Request, Reply)>);
 
 impl Counter {
     /// Asks the plant to turn a knob; `reply` is called once, on the monitor's thread.
-    pub fn turn(&self, knob: Knob, reply: impl FnOnce(Outcome) + Send + 'static) {
+    pub fn turn(&self, knob: Request, reply: impl FnOnce(Outcome) + Send + 'static) {
         if let Err(mpsc::SendError((_, reply))) = self.0.send((knob, Box::new(reply))) {
             reply(Err("the monitor is stopping".to_owned()));
         }
@@ -39,7 +39,7 @@ impl Counter {
 /// Carries requests between the counter and the bus.
 pub struct Desk {
     port: RequestPort,
-    orders: Receiver<(Knob, Reply)>,
+    orders: Receiver<(Request, Reply)>,
     waiting: VecDeque<Waiting>,
     run: Option<u64>,
 }
@@ -81,11 +81,11 @@ impl Audience for Desk {
     fn refresh(&mut self) -> Result<bool, BusError> {
         let now = Instant::now();
         for (knob, reply) in self.orders.try_iter() {
-            match (knob.fault(), self.run) {
-                (Some(fault), _) => reply(Err(fault)),
-                (None, None) => reply(Err("there is no plant in this session yet".to_owned())),
-                (None, Some(run)) => {
-                    let request = self.port.prepare(run, &knob);
+            match (knob.check(), self.run) {
+                (Err(error), _) => reply(Err(error.to_string())),
+                (Ok(()), None) => reply(Err("there is no plant in this session yet".to_owned())),
+                (Ok(()), Some(run)) => {
+                    let request = self.port.number(run, &knob);
                     self.waiting.push_back(Waiting {
                         request,
                         reply,
@@ -97,7 +97,7 @@ impl Audience for Desk {
         }
         while self.waiting.front().is_some_and(|waiting| now >= waiting.until) {
             if let Some(late) = self.waiting.pop_front() {
-                (late.reply)(Err(UNANSWERED.to_owned()));
+                (late.reply)(Err(Unanswered.to_string()));
             }
         }
         for waiting in self.waiting.iter_mut().filter(|waiting| now >= waiting.again) {

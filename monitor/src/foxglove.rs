@@ -72,11 +72,12 @@ pub struct Foxglove {
 impl Foxglove {
     /// Serves at an address, `HOST:PORT`.
     pub fn serve(address: &str, session: &str) -> Result<Self, BusError> {
-        let refuse = |why: String| {
-            BusError::Settings(format!(
+        let refuse =
+            |why: String| {
+                BusError::Settings(format!(
                 "--foxglove {address}: {why}; expected an address to listen on, like {DEFAULT}"
-            ))
-        };
+            ).into())
+            };
         let (host, port) =
             address.rsplit_once(':').ok_or_else(|| refuse("there is no port".to_owned()))?;
         let port = port.parse().map_err(|_| refuse(format!("'{port}' is no port")))?;

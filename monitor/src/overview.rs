@@ -269,7 +269,7 @@ impl Overview {
 
     /// The number of the controller that is in charge.
     pub fn leader(&self) -> Option<u64> {
-        self.state.map(|state| state.leader).filter(|leader| *leader != 0)
+        self.state.and_then(|state| state.leader())
     }
 
     /// How many other controllers stand by for it.

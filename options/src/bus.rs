@@ -149,7 +149,7 @@ impl JoinOptions {
     ///
     /// An option that is not acceptable, or a bus that cannot be joined.
     pub fn join(&self, role: Role, shutdown: Shutdown) -> Result<Option<AnyBus>, BusError> {
-        let settings = self.settings().map_err(|error| BusError::Settings(error.to_string()))?;
+        let settings = self.settings()?;
         AnyBus::open(&settings, role, &|| shutdown.proceed())
     }
 }

@@ -3,44 +3,48 @@
 use std::time::Instant;
 
 use mtj_protocol::{
+    admission::{Admission, AdmissionFilter, Rejection},
     bus::BusError,
-    gate::{Fault, Gate, Verdict},
     port::{Answer, Exchange},
     sample::{StateSample, StatusSample, TorqueSample},
 };
 
-/// Calls a function for each state and hands its result back as the answer, through the same gate
+/// Calls a function for each state and hands its result back as the answer, through the same admission
 /// as any other torque.
 pub struct Direct<F> {
     respond: F,
-    gate: Gate,
+    filter: AdmissionFilter,
     torque: TorqueSample,
     answer: Option<Answer>,
 }
 
 impl<E, F> Direct<F>
 where
-    E: std::fmt::Display,
+    E: Into<Box<dyn std::error::Error + Send + Sync>>,
     F: FnMut(&StateSample) -> Result<TorqueSample, E>,
 {
     /// An exchange with `respond` for one `run`.
     pub fn new(run: u64, respond: F) -> Self {
-        Self { respond, gate: Gate::new(run), torque: TorqueSample::default(), answer: None }
+        Self {
+            respond,
+            filter: AdmissionFilter::new(run),
+            torque: TorqueSample::default(),
+            answer: None,
+        }
     }
 }
 
 impl<E, F> Exchange for Direct<F>
 where
-    E: std::fmt::Display,
+    E: Into<Box<dyn std::error::Error + Send + Sync>>,
     F: FnMut(&StateSample) -> Result<TorqueSample, E>,
 {
     fn send(&mut self, state: &mut StateSample) -> Result<(), BusError> {
-        self.torque =
-            (self.respond)(state).map_err(|error| BusError::Controller(error.to_string()))?;
-        self.answer = match self.gate.judge(&self.torque) {
-            Verdict::Fresh => Some(Answer::Torque),
-            Verdict::Refused(Fault::NotFinite) => Some(Answer::NotFinite),
-            Verdict::Repeated | Verdict::Refused(_) => None,
+        self.torque = (self.respond)(state).map_err(|error| BusError::Controller(error.into()))?;
+        self.answer = match self.filter.admit(&self.torque) {
+            Admission::Fresh => Some(Answer::Torque),
+            Admission::Rejected(Rejection::NotFinite) => Some(Answer::NotFinite),
+            Admission::Repeated | Admission::Rejected(_) => None,
         };
         Ok(())
     }
@@ -58,6 +62,6 @@ where
     }
 
     fn rejected(&self) -> u64 {
-        self.gate.refused()
+        self.filter.rejected()
     }
 }

@@ -3,7 +3,7 @@
 use std::{io, path::PathBuf};
 
 use mtj_model::scenario::ScenarioError;
-use mtj_protocol::bus::BusError;
+use mtj_protocol::{bus::BusError, request::RequestError};
 
 /// Why a plant stopped before it was done.
 #[derive(Debug, thiserror::Error)]
@@ -27,7 +27,7 @@ impl PlantError {
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::Scenario(_) | Self::Link(_) => true,
-            Self::Bus(error) => matches!(error, BusError::Settings(_)),
+            Self::Bus(error) => error.is_bad_input(),
             Self::Output(_) => false,
         }
     }
@@ -84,8 +84,8 @@ pub enum LinkError {
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Refusal {
     /// No plant could do this.
-    #[error("{0}")]
-    Request(String),
+    #[error(transparent)]
+    Request(#[from] RequestError),
     /// The scenario would not be accepted.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),

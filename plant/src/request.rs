@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use mtj_model::scenario::{Override, Scenario};
 use mtj_protocol::{
-    knob::Knob,
+    request::Request,
     sample::{ChangeSample, Header, Joints, RequestSample, padded},
 };
 
@@ -34,17 +34,17 @@ pub(crate) fn carry_out(
     request: &RequestSample,
     target: &mut impl Changeable,
 ) -> Result<(), Refusal> {
-    match Knob::of(request).map_err(Refusal::Request)? {
-        Knob::Set(sets) => {
+    match Request::from_sample(request)? {
+        Request::Set(sets) => {
             let sets: Vec<Override> =
                 sets.iter().map(|set| set.parse()).collect::<Result<_, _>>()?;
             let scenario = target.scenario().changed(&sets)?;
             target.change(scenario)?;
         }
-        Knob::Pause => target.pause(true),
-        Knob::Resume => target.pause(false),
-        Knob::Reset => target.reset(),
-        Knob::Kick { torque, milliseconds } => {
+        Request::Pause => target.pause(true),
+        Request::Resume => target.pause(false),
+        Request::Reset => target.reset(),
+        Request::Kick { torque, milliseconds } => {
             target.disturb(padded(&torque), (milliseconds * 1e6).round() as u64);
         }
     }

@@ -11,8 +11,8 @@ use mtj_plant::{
 };
 use mtj_protocol::{
     bus::BusError,
-    knob::Knob,
     port::{Answer, Exchange},
+    request::Request,
     sample::{ChangeSample, RequestSample, StateSample, StatusSample, TorqueSample, padded},
 };
 
@@ -91,12 +91,12 @@ fn run(
     Ran { outcome, states, changes, phases, offered }
 }
 
-fn request(number: u64, knob: Knob) -> RequestSample {
-    knob.request(RUN, number)
+fn request(number: u64, request: Request) -> RequestSample {
+    request.to_sample(RUN, number)
 }
 
 fn set(number: u64, sets: &[&str]) -> RequestSample {
-    request(number, Knob::Set(sets.iter().map(|set| (*set).to_owned()).collect()))
+    request(number, Request::Set(sets.iter().map(|set| (*set).to_owned()).collect()))
 }
 
 fn limp(state: &StateSample) -> TorqueSample {
@@ -120,7 +120,7 @@ fn a_kick_gives_the_arm_its_angular_momentum() {
         let m12 = i2 + m2 * (c2 * c2 + l1 * c2 * cos);
         m11 * v[0] + m12 * v[1]
     };
-    let kick = Knob::Kick { torque: vec![5.0, 0.7], milliseconds: 104.5 };
+    let kick = Request::Kick { torque: vec![5.0, 0.7], milliseconds: 104.5 };
     let ran = run(&["arm.velocity=[0.0, 0.0]"], &[(20, request(1, kick))], limp);
     let begin = ran.changes[0].header.time_ns as f64 * 1e-9;
     assert!(begin > 0.1 && begin < 0.3, "{begin}");
@@ -136,24 +136,24 @@ fn a_kick_gives_the_arm_its_angular_momentum() {
 fn a_pause_takes_nothing_from_the_run() {
     let through = run(&[], &[], stiff);
     let requests = [
-        (20, request(1, Knob::Pause)),
+        (20, request(1, Request::Pause)),
         (20, set(2, &["law.kp=31"])),
-        (20, request(3, Knob::Resume)),
+        (20, request(3, Request::Resume)),
     ];
     let paused = run(&[], &requests, stiff);
     assert_eq!(paused.outcome.trace, through.outcome.trace, "bit for bit");
     assert_eq!(paused.changes.len(), 3);
     assert!(paused.changes.iter().all(|change| change.outcome() == Ok(())));
     assert_eq!(paused.outcome.report.commands, through.outcome.report.commands);
-    let again = run(&[], &[(20, request(1, Knob::Resume))], stiff);
+    let again = run(&[], &[(20, request(1, Request::Resume))], stiff);
     assert_eq!(again.outcome.trace, through.outcome.trace, "nothing to resume");
 }
 
 #[test]
 fn monitors_are_told_that_a_run_stands_still() {
-    let mut requests = vec![(20, request(1, Knob::Pause))];
+    let mut requests = vec![(20, request(1, Request::Pause))];
     requests.extend((2..20).map(|number| (20, set(number, &["law.kp=31"]))));
-    requests.push((20, request(20, Knob::Resume)));
+    requests.push((20, request(20, Request::Resume)));
     let ran = run(&[], &requests, stiff);
     let mut phases = ran.phases.clone();
     phases.dedup();
@@ -162,7 +162,8 @@ fn monitors_are_told_that_a_run_stands_still() {
 
 #[test]
 fn a_reset_ends_the_run_with_the_scenario_as_it_is_by_now() {
-    let requests = [(10, set(1, &["law.memory.policy=delivered"])), (20, request(2, Knob::Reset))];
+    let requests =
+        [(10, set(1, &["law.memory.policy=delivered"])), (20, request(2, Request::Reset))];
     let ran = run(&[], &requests, stiff);
     let reset = ran.outcome.reset.expect("a scenario to begin again with");
     assert_eq!(reset.law.memory.policy, MemoryPolicy::Delivered);
@@ -201,8 +202,8 @@ fn what_cannot_be_is_refused_and_changes_nothing() {
         (10, set(1, &["law.kp=-1"])),
         (11, set(2, &["arm.links[0].mass=1.0"])),
         (12, set(3, &["link.state.jitter={kind='replay', file='/nowhere'}"])),
-        (13, RequestSample { action: 9, ..request(4, Knob::Pause) }),
-        (14, RequestSample { duration_ns: 0, action: 4, ..request(5, Knob::Pause) }),
+        (13, RequestSample { action: 9, ..request(4, Request::Pause) }),
+        (14, RequestSample { duration_ns: 0, action: 4, ..request(5, Request::Pause) }),
         (15, RequestSample { text: [[0xff; 32]; 12], ..set(6, &["law.kp=1"]) }),
     ];
     let ran = run(&[], &requests, stiff);
@@ -224,7 +225,7 @@ fn what_cannot_be_is_refused_and_changes_nothing() {
 
 #[test]
 fn whoever_asks_twice_is_answered_twice_and_gets_it_once() {
-    let kick = request(1, Knob::Kick { torque: vec![5.0], milliseconds: 50.0 });
+    let kick = request(1, Request::Kick { torque: vec![5.0], milliseconds: 50.0 });
     let once = run(&[], &[(20, kick)], stiff);
     let twice = run(&[], &[(20, kick), (24, kick), (30, kick)], stiff);
     assert_eq!(twice.outcome.trace, once.outcome.trace);

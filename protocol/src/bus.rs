@@ -1,37 +1,126 @@
-//! The bus: the trait that every transport is.
+//! The bus: the trait that every transport implements.
 //!
-//! A bus moves samples of a topic from writers to readers, and a scenario from a plant to any process
-//! that asks. It knows nothing of control: which topics a role may write is decided in [`crate::port`],
-//! and what is acceptable in [`crate::gate`].
+//! A bus moves samples of a topic from writers to readers, and a scenario from a plant to any
+//! process that asks. It knows nothing of control: [`crate::port`] decides which topics a role may
+//! write, [`crate::admission`] which samples are acceptable.
+//!
+//! # A bus of your own
+//!
+//! A transport implements [`Bus`] and returns its own [`Writer`], [`Reader`], [`Offering`] and
+//! [`Attendance`]. A *middleware* wraps any bus and is one; it replaces what it changes and passes
+//! on the rest. This one counts the samples that its writers send:
+//!
+//! ```
+//! use std::{
+//!     any::Any,
+//!     sync::{
+//!         Arc,
+//!         atomic::{AtomicU64, Ordering},
+//!     },
+//! };
+//!
+//! use mtj_model::scenario::Wait;
+//! use mtj_protocol::{
+//!     bus::{Attendance, Bus, BusError, Depth, Offering, Reader, Writer},
+//!     local::LocalBus,
+//!     member::Member,
+//!     sample::{Sample, StateSample},
+//! };
+//!
+//! struct Tap<B> {
+//!     bus: B,
+//!     sent: Arc<AtomicU64>,
+//! }
+//!
+//! struct TapWriter<S> {
+//!     writer: Box<dyn Writer<S>>,
+//!     sent: Arc<AtomicU64>,
+//! }
+//!
+//! impl<S: Sample> Writer<S> for TapWriter<S> {
+//!     fn write(&mut self, sample: &S) -> Result<(), BusError> {
+//!         self.sent.fetch_add(1, Ordering::Relaxed);
+//!         self.writer.write(sample)
+//!     }
+//!     fn expedite(&mut self, sample: &S) -> Result<(), BusError> {
+//!         self.sent.fetch_add(1, Ordering::Relaxed);
+//!         self.writer.expedite(sample)
+//!     }
+//!     fn flush(&mut self) -> Result<(), BusError> {
+//!         self.writer.flush()
+//!     }
+//! }
+//!
+//! impl<B: Bus> Bus for Tap<B> {
+//!     fn writer<S: Sample>(&self) -> Result<Box<dyn Writer<S>>, BusError> {
+//!         Ok(Box::new(TapWriter { writer: self.bus.writer()?, sent: Arc::clone(&self.sent) }))
+//!     }
+//!     fn reader<S: Sample>(
+//!         &self,
+//!         depth: Depth,
+//!         wait: Wait,
+//!     ) -> Result<Box<dyn Reader<S>>, BusError> {
+//!         self.bus.reader(depth, wait)
+//!     }
+//!     fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {
+//!         self.bus.offer(bytes)
+//!     }
+//!     fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
+//!         self.bus.fetch()
+//!     }
+//!     fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError> {
+//!         self.bus.announce(member)
+//!     }
+//!     fn attendance(&self) -> Result<Box<dyn Attendance>, BusError> {
+//!         self.bus.attendance()
+//!     }
+//! }
+//!
+//! let tap = Tap { bus: LocalBus::default(), sent: Arc::default() };
+//! let mut reader = tap.reader::<StateSample>(Depth::Stream, Wait::Block)?;
+//! let mut writer = tap.writer::<StateSample>()?;
+//! writer.write(&StateSample::default())?;
+//! assert_eq!(reader.take()?, Some(StateSample::default()));
+//! assert_eq!(tap.sent.load(Ordering::Relaxed), 1);
+//! # Ok::<(), BusError>(())
+//! ```
+//!
+//! The crate `mtj-conformance` (`protocol/conformance`) tests any bus against the rules that the
+//! ports rely on.
 
-use std::{any::Any, collections::BTreeSet, fmt, time::Instant};
+use std::{any::Any, collections::BTreeSet, error::Error, time::Instant};
 
-use mtj_model::scenario::Wait;
+use mtj_model::scenario::{ScenarioError, Wait};
+use nix::errno::Errno;
 
+#[cfg(feature = "iceoryx2")]
+use crate::iceoryx2::SharedMemoryError;
+#[cfg(feature = "zenoh")]
+use crate::zenoh::ZenohError;
 use crate::{member::Member, sample::Sample};
 
-/// Something that moves samples.
+/// A transport of samples.
 pub trait Bus {
-    /// A writer of one topic.
+    /// Opens a writer of one topic.
     fn writer<S: Sample>(&self) -> Result<Box<dyn Writer<S>>, BusError>;
-    /// A reader of one topic.
+    /// Opens a reader of one topic.
     fn reader<S: Sample>(&self, depth: Depth, wait: Wait) -> Result<Box<dyn Reader<S>>, BusError>;
-    /// Offers bytes (an encoded scenario) to all who [`Bus::fetch`], for as long as the result lives.
+    /// Offers bytes (an encoded scenario) to [`Bus::fetch`] until the result is dropped.
     fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError>;
-    /// What is on offer now, if anything.
+    /// Returns the bytes on offer now, if any.
     fn fetch(&self) -> Result<Option<Vec<u8>>, BusError>;
-    /// Makes it known that `member` takes part in the session, for as long as the result lives; if this
-    /// process dies, the bus notices.
+    /// Announces a member of the session until the result is dropped or its process dies.
     fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError>;
-    /// Watches who has announced himself in the session.
+    /// Watches which members of the session are present.
     fn attendance(&self) -> Result<Box<dyn Attendance>, BusError>;
 }
 
-/// Who takes part in a session.
+/// The members of a session that are present.
 pub trait Attendance {
-    /// All who have announced themselves and live, as far as the bus knows. May take a fraction of a millisecond.
+    /// All announced members that live, as far as the bus knows. May take a fraction of a
+    /// millisecond.
     fn present(&mut self) -> Result<Vec<Member>, BusError>;
-    /// Whether one that was present still is. Takes some microseconds at most.
+    /// Whether a member that was present still is. Takes some microseconds at most.
     fn is_present(&mut self, member: &Member) -> Result<bool, BusError>;
 }
 
@@ -45,49 +134,52 @@ pub trait Shared: Bus + Sized {
 
 /// The sessions of a bus.
 pub trait Sessions {
-    /// The names of all in which somebody has announced himself, as far as the bus knows.
+    /// The names of all sessions with an announced member, as far as the bus knows.
     fn names(&mut self) -> Result<BTreeSet<String>, BusError>;
 }
 
-/// How much a reader keeps for its owner.
+/// How many samples a reader keeps until its owner takes them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Depth {
-    /// The newest few, as promptly as can be: what the ends of a loop want, to whom others may write whom
-    /// they do not mean, and faster than they listen.
+    /// The newest [`RECENT_DEPTH`] samples, as promptly as the bus can deliver them: for the loop,
+    /// which takes the newest acceptable sample and drops the others.
     Recent,
-    /// Every sample in order, as long as the reader is emptied within [`STREAM_DEPTH`] samples.
+    /// Every sample in order, if the reader is emptied within [`STREAM_DEPTH`] samples.
     Stream,
 }
 
 /// How many samples [`Depth::Recent`] keeps.
 pub const RECENT_DEPTH: usize = 1024;
 
-/// How many samples a stream holds for a reader that is busy.
+/// How many samples [`Depth::Stream`] keeps.
 pub const STREAM_DEPTH: usize = 4096;
 
 /// The writing end of a topic.
 pub trait Writer<S> {
     /// Makes a sample visible to all readers. Never blocks.
     fn write(&mut self, sample: &S) -> Result<(), BusError>;
-    /// Makes a sample visible to those who [`Reader::follow`] this writer, at once; to all others with the
-    /// next [`Writer::settle`] or the next sample. On a bus without such a difference it is written.
+    /// Makes a sample visible at once to the readers that [`Reader::follow`] this writer. The
+    /// others see it after the next [`Writer::flush`] or the next sample. By default the same as
+    /// [`Writer::write`].
     fn expedite(&mut self, sample: &S) -> Result<(), BusError> {
         self.write(sample)
     }
-    /// Lets everybody have what was expedited.
-    fn settle(&mut self) -> Result<(), BusError> {
+    /// Makes the expedited sample visible to all readers.
+    fn flush(&mut self) -> Result<(), BusError> {
         Ok(())
     }
 }
 
-/// The reading end of a topic: goes from sample to sample, and lends the one that is at hand, because to move samples
-/// of some hundred bytes from call to call takes as long as what is done with them.
+/// The reading end of a topic.
+///
+/// It advances from sample to sample and lends the current one: to move some hundred bytes from
+/// call to call takes as long as the work on them.
 pub trait Reader<S> {
-    /// Goes on to the next sample, if there is one.
+    /// Advances to the next sample; returns whether there was one.
     fn advance(&mut self) -> Result<bool, BusError>;
-    /// The sample at hand: the one that was gone on to last.
+    /// The current sample.
     fn sample(&self) -> &S;
-    /// The next sample, if there is one, to be kept.
+    /// Advances to the next sample and returns a copy of it.
     fn take(&mut self) -> Result<Option<S>, BusError>
     where
         S: Copy,
@@ -96,15 +188,17 @@ pub trait Reader<S> {
     }
     /// Sleeps until there may be a sample, or until `until`.
     fn sleep(&mut self, until: Instant) -> Result<(), BusError>;
-    /// Looks for the next sample for a moment, a microsecond or so, and not everywhere every time, and goes on to it.
-    /// A transport whose own threads need a core to bring it yields that.
+    /// Polls for a microsecond or so and advances to the next sample, if one came. One call need
+    /// not look in every place where a sample can arrive. Yields the core if the transport's own
+    /// threads need it.
     fn spin(&mut self) -> Result<bool, BusError>;
-    /// From now on looks first for what the writer of the sample at hand has [expedited](Writer::expedite),
-    /// of which only the newest counts. May take a millisecond when that writer is another one than before.
+    /// Prefers from now on what the writer of the current sample [expedites](Writer::expedite), of
+    /// which only the newest is kept. May take a millisecond when the writer is another one than
+    /// before.
     fn follow(&mut self) -> Result<(), BusError> {
         Ok(())
     }
-    /// Whether there is such a way from the writer that is followed.
+    /// Whether expedited samples arrive from the writer that is followed.
     fn follows(&self) -> bool {
         false
     }
@@ -116,19 +210,19 @@ pub trait Reader<S> {
 
 /// The offering end of a scenario.
 pub trait Offering {
-    /// From now on offers something else.
+    /// Replaces the bytes on offer.
     fn renew(&mut self, bytes: Vec<u8>) -> Result<(), BusError>;
-    /// Serves those who have come since. Cheap; call it a few times a second.
+    /// Delivers the offer to processes that have joined since. Cheap; call it a few times a second.
     fn serve(&mut self) -> Result<(), BusError>;
 }
 
-/// Goes on to the next sample, waiting for it until `until`, in the given manner.
+/// Advances to the next sample; waits for it until `until`, in the given manner.
 pub fn receive<S>(
     reader: &mut dyn Reader<S>,
     wait: Wait,
     until: Instant,
 ) -> Result<bool, BusError> {
-    let mut tired = None;
+    let mut sleep_from = None;
     loop {
         let found = match wait {
             Wait::Block => reader.advance()?,
@@ -144,31 +238,80 @@ pub fn receive<S>(
         }
         match wait {
             Wait::Spin => {}
-            Wait::Hybrid(spin) if now < *tired.get_or_insert(now + spin) => {}
+            Wait::Hybrid(spin) if now < *sleep_from.get_or_insert(now + spin) => {}
             Wait::Block | Wait::Hybrid(_) => reader.sleep(until)?,
         }
     }
 }
 
-/// What can go wrong with a bus.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// Why a bus, or a role on it, cannot go on.
+#[derive(Debug, thiserror::Error)]
 pub enum BusError {
-    /// The user asked for something that cannot be: an address in use, a file that is not there.
-    Settings(String),
-    /// The transport failed.
-    Transport(String),
+    /// Several processes are to use the bus within one process.
+    #[error(
+        "bus.kind = \"local\" stays within one process; roles of their own need iceoryx2 or zenoh"
+    )]
+    LocalToProcess,
+    /// Many sessions are to use the bus that has one.
+    #[error("bus.kind = \"local\" has one session; many need iceoryx2 or zenoh")]
+    OneSession,
+    /// The transport was left out when the program was built.
+    #[error("this program was built without {transport}")]
+    NotBuilt {
+        /// Its name in scenarios.
+        transport: &'static str,
+    },
+    /// The processor of `--cpu` cannot be had.
+    #[error(
+        "--cpu {core}: {}; this process may use {allowed} of this machine's processors, counted \
+         from 0",
+        source.desc()
+    )]
+    Cpu {
+        /// The processor that was asked for.
+        core: usize,
+        /// How many the process may use.
+        allowed: usize,
+        /// The system's reason.
+        source: Errno,
+    },
+    /// The settings of the bus are not valid.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// Shared memory failed.
+    #[cfg(feature = "iceoryx2")]
+    #[error(transparent)]
+    SharedMemory(#[from] SharedMemoryError),
+    /// Zenoh failed.
+    #[cfg(feature = "zenoh")]
+    #[error(transparent)]
+    Zenoh(#[from] ZenohError),
+    /// Bad input of a role that uses the bus: an address in use, a file that is not there.
+    #[error(transparent)]
+    Settings(Box<dyn Error + Send + Sync>),
+    /// Any other transport, or a role's surroundings, failed.
+    #[error(transparent)]
+    Transport(Box<dyn Error + Send + Sync>),
     /// The controller could not answer.
-    Controller(String),
+    #[error(transparent)]
+    Controller(Box<dyn Error + Send + Sync>),
 }
 
-impl fmt::Display for BusError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl BusError {
+    /// Whether the user's input is to blame: exit status 2 rather than 1.
+    pub fn is_bad_input(&self) -> bool {
         match self {
-            Self::Settings(sentence) | Self::Transport(sentence) | Self::Controller(sentence) => {
-                f.write_str(sentence)
-            }
+            Self::LocalToProcess
+            | Self::OneSession
+            | Self::NotBuilt { .. }
+            | Self::Cpu { .. }
+            | Self::Scenario(_)
+            | Self::Settings(_) => true,
+            #[cfg(feature = "iceoryx2")]
+            Self::SharedMemory(error) => error.is_bad_input(),
+            #[cfg(feature = "zenoh")]
+            Self::Zenoh(error) => error.is_bad_input(),
+            Self::Transport(_) | Self::Controller(_) => false,
         }
     }
 }
-
-impl std::error::Error for BusError {}

@@ -12,7 +12,7 @@ use crate::sample::{Sample, VERSION};
 /// The most bytes a sample takes.
 pub const LARGEST_SAMPLE: usize = 512;
 
-/// No version will have a number beyond this; what has, is rubbish.
+/// The highest version number that is believed; anything above is garbage.
 const LAST_VERSION: u32 = 0xffff;
 
 const FORMAT: Configuration<LittleEndian, Fixint, NoLimit> =
@@ -30,8 +30,8 @@ pub fn decode<S: Sample>(bytes: &[u8]) -> Option<S> {
     exactly(bytes)
 }
 
-/// Reads a message of a sample's topic. Of one that another protocol version wrote, and whose layout is
-/// therefore not known, only the header is read; a gate refuses it by its version.
+/// Reads a message of a sample's topic. If another protocol version wrote it, its layout is not
+/// known and only the header is read; the admission filter then rejects it by its version.
 pub fn read<S: Sample>(bytes: &[u8]) -> Option<S> {
     decode(bytes).or_else(|| {
         version_of(bytes).filter(|version| *version != VERSION)?;
@@ -42,13 +42,13 @@ pub fn read<S: Sample>(bytes: &[u8]) -> Option<S> {
     })
 }
 
-/// The protocol version in a message's first four bytes; `None` unless that may be one.
+/// The protocol version in a message's first four bytes; `None` if it cannot be one.
 pub fn version_of(bytes: &[u8]) -> Option<u32> {
     let version = u32::from_le_bytes(*bytes.first_chunk()?);
     (1..=LAST_VERSION).contains(&version).then_some(version)
 }
 
-/// A scenario as a plant offers it on the bus.
+/// A scenario in the form in which a plant offers it on the bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, serde::Deserialize)]
 pub struct Offer {
     /// [`crate::sample::VERSION`] of the plant.
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn offers_come_back_and_rubbish_does_not() {
+    fn offers_come_back_and_garbage_does_not() {
         let offer =
             Offer { version: 1, revision: 3, run: 2, name: "a".into(), text: "b = 1".into() };
         let bytes = encode_offer(&offer);

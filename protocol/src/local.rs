@@ -1,4 +1,4 @@
-//! The bus within one process: each reader has a mailbox, each writer puts into all of them.
+//! The bus within one process: each reader has a mailbox, and each writer fills all of them.
 
 use std::{
     any::{Any, TypeId},
@@ -10,6 +10,7 @@ use mtj_model::scenario::Wait;
 
 use crate::{
     bus::{Attendance, Bus, BusError, Depth, Offering, Reader, Writer},
+    debug_by_name,
     mailbox::{Mailbox, MailboxReader},
     member::Member,
     sample::Sample,
@@ -18,11 +19,13 @@ use crate::{
 /// A bus for the threads of one process. Clones share it.
 #[derive(Clone, Default)]
 pub struct LocalBus {
-    shared: Arc<Shared>,
+    session: Arc<Session>,
 }
 
+debug_by_name!(LocalBus);
+
 #[derive(Default)]
-struct Shared {
+struct Session {
     /// A [`Topic`] for each kind of sample.
     topics: Mutex<HashMap<TypeId, Box<dyn Any + Send>>>,
     offer: Mutex<Option<Vec<u8>>>,
@@ -33,7 +36,7 @@ struct Topic<S>(Arc<Mutex<Vec<Weak<Mailbox<S>>>>>);
 
 impl LocalBus {
     fn topic<S: Sample>(&self) -> Arc<Mutex<Vec<Weak<Mailbox<S>>>>> {
-        let mut topics = lock(&self.shared.topics);
+        let mut topics = lock(&self.session.topics);
         let topic =
             topics.entry(TypeId::of::<S>()).or_insert_with(|| Box::new(Topic::<S>(Arc::default())));
         // The key is the type, so the cast cannot fail.
@@ -56,16 +59,16 @@ impl Bus for LocalBus {
     }
 
     fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {
-        *lock(&self.shared.offer) = Some(bytes);
+        *lock(&self.session.offer) = Some(bytes);
         Ok(Box::new(LocalOffer(self.clone())))
     }
 
     fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
-        Ok(lock(&self.shared.offer).clone())
+        Ok(lock(&self.session.offer).clone())
     }
 
     fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError> {
-        lock(&self.shared.members).push(*member);
+        lock(&self.session.members).push(*member);
         Ok(Box::new(Announcement { bus: self.clone(), id: member.id }))
     }
 
@@ -76,11 +79,11 @@ impl Bus for LocalBus {
 
 impl Attendance for LocalBus {
     fn present(&mut self) -> Result<Vec<Member>, BusError> {
-        Ok(lock(&self.shared.members).clone())
+        Ok(lock(&self.session.members).clone())
     }
 
     fn is_present(&mut self, member: &Member) -> Result<bool, BusError> {
-        Ok(lock(&self.shared.members).contains(member))
+        Ok(lock(&self.session.members).contains(member))
     }
 }
 
@@ -91,7 +94,7 @@ struct Announcement {
 
 impl Drop for Announcement {
     fn drop(&mut self) {
-        lock(&self.bus.shared.members).retain(|member| member.id != self.id);
+        lock(&self.bus.session.members).retain(|member| member.id != self.id);
     }
 }
 
@@ -110,7 +113,7 @@ struct LocalOffer(LocalBus);
 
 impl Offering for LocalOffer {
     fn renew(&mut self, bytes: Vec<u8>) -> Result<(), BusError> {
-        *lock(&self.0.shared.offer) = Some(bytes);
+        *lock(&self.0.session.offer) = Some(bytes);
         Ok(())
     }
 
@@ -121,11 +124,11 @@ impl Offering for LocalOffer {
 
 impl Drop for LocalOffer {
     fn drop(&mut self) {
-        *lock(&self.0.shared.offer) = None;
+        *lock(&self.0.session.offer) = None;
     }
 }
 
-/// Nothing here can panic while it holds a lock, so poisoning is of no interest.
+/// Locks, also after a panic elsewhere: nothing here can panic while it holds the lock.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,4 +1,4 @@
-//! A bounded queue between two threads that keeps the newest.
+//! A bounded queue between two threads that keeps the newest samples.
 
 use std::{
     collections::VecDeque,
@@ -11,10 +11,9 @@ use crate::{
     sample::Sample,
 };
 
-/// Where a transport's own thread leaves samples for a reader.
-///
-/// Full, it drops its oldest entry.
-pub struct Mailbox<S> {
+/// A queue that a transport's own thread fills and a reader empties; when full, it drops the
+/// oldest.
+pub(crate) struct Mailbox<S> {
     inner: Mutex<Inner<S>>,
     filled: Condvar,
     capacity: usize,
@@ -27,7 +26,7 @@ struct Inner<S> {
 
 impl<S> Mailbox<S> {
     /// An empty mailbox.
-    pub fn new(depth: Depth) -> Arc<Self> {
+    pub(crate) fn new(depth: Depth) -> Arc<Self> {
         let capacity = match depth {
             Depth::Recent => RECENT_DEPTH,
             Depth::Stream => STREAM_DEPTH,
@@ -36,8 +35,8 @@ impl<S> Mailbox<S> {
         Arc::new(Self { inner: Mutex::new(inner), filled: Condvar::new(), capacity })
     }
 
-    /// Leaves a sample, in place of the oldest if there is no room.
-    pub fn put(&self, sample: S) {
+    /// Appends a sample; drops the oldest if there is no room.
+    pub(crate) fn put(&self, sample: S) {
         let mut inner = self.lock();
         if inner.queue.len() == self.capacity {
             inner.queue.pop_front();
@@ -48,30 +47,30 @@ impl<S> Mailbox<S> {
     }
 
     /// Counts a message that was no sample.
-    #[cfg_attr(not(feature = "zenoh"), allow(dead_code))]
-    pub fn put_malformed(&self) {
+    #[cfg(feature = "zenoh")]
+    pub(crate) fn put_malformed(&self) {
         self.lock().malformed += 1;
     }
 
-    /// A panic elsewhere cannot leave a queue half changed, so poisoning is of no interest.
+    /// Locks, also after a panic elsewhere, which cannot leave the queue half changed.
     fn lock(&self) -> MutexGuard<'_, Inner<S>> {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// The reading end of a mailbox, with whatever keeps the writing end alive.
-pub struct MailboxReader<S, K> {
+/// The reading end of a mailbox, and the subscription that fills it.
+pub(crate) struct MailboxReader<S, K> {
     mailbox: Arc<Mailbox<S>>,
-    /// The one at hand.
+    /// The current one.
     sample: S,
-    /// Dropped with the reader: a subscription, or nothing.
+    /// A subscription, or nothing.
     #[expect(dead_code, reason = "held for its destructor")]
     keep: K,
 }
 
 impl<S: Sample, K> MailboxReader<S, K> {
     /// The reading end of `mailbox`.
-    pub fn new(mailbox: Arc<Mailbox<S>>, keep: K) -> Self {
+    pub(crate) fn new(mailbox: Arc<Mailbox<S>>, keep: K) -> Self {
         Self { mailbox, sample: S::default(), keep }
     }
 }

@@ -1,4 +1,4 @@
-//! Who takes part in a session, and as what.
+//! Members of a session: processes with a role.
 
 use std::{
     fmt,
@@ -7,21 +7,22 @@ use std::{
     time::SystemTime,
 };
 
-/// What a process does in a session.
+/// The part of a process in a session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Role {
-    /// Owns the arm, the clock and the scenario. On Zenoh it listens, and all others connect.
+    /// Simulates the arm; owns the clock and the scenario. On Zenoh it listens, and all others
+    /// connect.
     Plant,
     /// Answers states with torques.
     Controller,
-    /// Only listens.
+    /// Displays and records; sends nothing.
     Monitor,
-    /// Turns knobs, and may listen.
+    /// Changes a running loop by requests, and may read everything.
     Operator,
 }
 
 impl Role {
-    /// All of them, in the order of their numbers on the wire.
+    /// All roles, in the order of their numbers on the wire.
     pub const ALL: [Self; 4] = [Self::Plant, Self::Controller, Self::Monitor, Self::Operator];
 
     /// The name in announcements and certificates.
@@ -35,23 +36,23 @@ impl Role {
     }
 }
 
-/// Somebody who takes part in a session.
+/// A process that takes part in a session.
 ///
-/// In announcements written as `role/id/precedence/since_ns`.
+/// Announcements write it as `role/id/precedence/since_ns`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Member {
-    /// As what.
+    /// Its part in the session.
     pub role: Role,
-    /// A number that nobody else has; not 0.
+    /// A number that no other member has; not 0.
     pub id: u64,
-    /// Controllers with a higher one go first.
+    /// The controller with the highest becomes the leader.
     pub precedence: u32,
     /// When it joined, ns since 1970, by its own clock.
     pub since_ns: u64,
 }
 
 impl Member {
-    /// A new member with a number of its own.
+    /// A new member with a random number.
     pub fn new(role: Role, precedence: u32) -> Self {
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let since_ns = since.as_nanos() as u64;
@@ -67,30 +68,32 @@ impl fmt::Display for Member {
     }
 }
 
-/// The text is no member's.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct NoMember;
+/// The text does not announce a member.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected role/id/precedence/since_ns")]
+pub struct ParseMemberError;
 
 impl FromStr for Member {
-    type Err = NoMember;
+    type Err = ParseMemberError;
 
-    fn from_str(text: &str) -> Result<Self, NoMember> {
+    fn from_str(text: &str) -> Result<Self, ParseMemberError> {
         let mut parts = text.split('/');
-        let mut next = || parts.next().ok_or(NoMember);
+        let mut next = || parts.next().ok_or(ParseMemberError);
         let name = next()?;
-        let role = Role::ALL.into_iter().find(|role| role.name() == name).ok_or(NoMember)?;
+        let role =
+            Role::ALL.into_iter().find(|role| role.name() == name).ok_or(ParseMemberError)?;
         let id = number(next()?)?;
         let precedence = number(next()?)?;
         let since_ns = number(next()?)?;
         if id == 0 || parts.next().is_some() {
-            return Err(NoMember);
+            return Err(ParseMemberError);
         }
         Ok(Self { role, id, precedence, since_ns })
     }
 }
 
-fn number<T: FromStr>(text: &str) -> Result<T, NoMember> {
-    text.parse().map_err(|_| NoMember)
+fn number<T: FromStr>(text: &str) -> Result<T, ParseMemberError> {
+    text.parse().map_err(|_| ParseMemberError)
 }
 
 #[cfg(test)]
@@ -105,11 +108,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_announcement_is_nobodys() {
+    fn other_text_is_not_read_as_a_member() {
         for text in
             ["", "plant", "plant/1/2", "plant/1/2/3/4", "cook/1/2/3", "plant/0/2/3", "plant/-1/2/3"]
         {
-            assert_eq!(text.parse::<Member>(), Err(NoMember), "{text}");
+            assert_eq!(text.parse::<Member>(), Err(ParseMemberError), "{text}");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! How a role gets a processor to itself, and keeps its memory.
 //!
-//! What the system refuses is said and gone without: a loop is only less punctual for it.
+//! If the system refuses, the role logs a warning and continues: its loop is only less punctual.
 
 use std::{fs, io};
 
@@ -13,7 +13,7 @@ use nix::{
 
 use crate::bus::BusError;
 
-/// How a role runs in real time.
+/// Real-time options of a role.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Realtime {
     /// Real-time priority, 1 to 99: nothing of a lower one delays the role (SCHED_FIFO)
@@ -25,17 +25,17 @@ pub struct Realtime {
 }
 
 impl Realtime {
-    /// To be called before a role joins its bus.
+    /// Applies the options that must precede the joining of a bus.
     pub fn before_joining(&self) {
         if self.lock_memory {
             fault_in_stack();
-            // Populates all that is mapped: the program, its heap, its stack.
+            // Populates everything that is mapped: the program, its heap, its stack.
             lock(MlockAllFlags::MCL_CURRENT);
         }
     }
 
-    /// To be called when a role has joined, before its loop begins: to join takes some ten milliseconds, for which
-    /// nobody's loop is to wait.
+    /// Applies the other options, after the role has joined and before its loop begins: joining
+    /// takes some ten milliseconds, which must not run at real-time priority.
     pub fn before_the_loop(&self) -> Result<(), BusError> {
         if let Some(priority) = self.priority
             && let Err(error) = set_fifo(priority)
@@ -47,19 +47,16 @@ impl Realtime {
             );
         }
         if self.lock_memory {
-            // What was joined is shared and for the most part never used: of that, what has been touched.
+            // Most of the shared memory is never used: lock a page of it when it is touched.
             let on_fault = MlockAllFlags::from_bits_retain(libc::MCL_ONFAULT);
             lock(MlockAllFlags::MCL_CURRENT | on_fault);
         }
         let Some(core) = self.cpu else { return Ok(()) };
         let mut cores = CpuSet::new();
         let pinned = cores.set(core).and_then(|()| sched_setaffinity(Pid::from_raw(0), &cores));
-        pinned.map_err(|error| {
-            let count = std::thread::available_parallelism().map_or(1, usize::from);
-            BusError::Settings(format!(
-                "--cpu {core}: {}; this process may use {count} of this machine's processors, counted from 0",
-                error.desc()
-            ))
+        pinned.map_err(|source| {
+            let allowed = std::thread::available_parallelism().map_or(1, usize::from);
+            BusError::Cpu { core, allowed, source }
         })
     }
 }
@@ -72,15 +69,16 @@ fn lock(flags: MlockAllFlags) {
 }
 
 fn warn(option: &str, error: &io::Error, remedy: &str) {
-    eprintln!("mtj: {option} was refused ({error}) and the loop goes on without; {remedy}");
+    tracing::warn!("{option} was refused ({error}) and the loop goes on without; {remedy}");
 }
 
-/// For all threads of this process, also those of the bus, and those that they will make.
+/// Sets the priority of all threads of this process, those of the bus included; their children
+/// inherit it.
 fn set_fifo(priority: u8) -> io::Result<()> {
     for thread in fs::read_dir("/proc/self/task")? {
         let thread = thread?.file_name().to_str().and_then(|name| name.parse().ok());
         match thread.map_or(Ok(()), |thread| set_fifo_of(thread, priority)) {
-            // It has ended since.
+            // The thread has ended meanwhile.
             Err(error) if error.raw_os_error() == Some(libc::ESRCH) => {}
             result => result?,
         }
@@ -98,7 +96,7 @@ fn set_fifo_of(thread: libc::pid_t, priority: u8) -> io::Result<()> {
     }
 }
 
-/// Touches more of the stack than the loop will use.
+/// Touches more of the stack than the loop uses.
 #[inline(never)]
 fn fault_in_stack() {
     std::hint::black_box([0_u8; 256 * 1024]);

@@ -1,9 +1,9 @@
-//! The samples that travel, fixed in size and layout.
+//! The samples: messages of fixed size and layout.
 //!
 //! Every field is a little-endian `u32`, `u64` or `f64` and there is no padding, so that the bytes
 //! on a wire and in shared memory are the same, and a program in any language can read them with
-//! one table of offsets (see `docs/wire.md`). Lists are as long as the largest arm; the counts in
-//! the header say how much of them is meant.
+//! one table of offsets (see `docs/wire.md`). Lists are as long as the largest arm needs; the
+//! counts in the header say how much of them is used.
 
 use std::mem::offset_of;
 
@@ -20,7 +20,7 @@ pub const VERSION: u32 = 4;
 pub type Joints = [f64; MAX_JOINTS];
 /// One number for each task axis; entries past the count are zero.
 pub type Axes = [f64; MAX_AXES];
-/// What a law hands over beside its torque; entries past the count are zero.
+/// The numbers that a law sends with its torque; entries past the count are zero.
 pub type Echo = [f64; MAX_ECHO];
 /// The signals of a law one after the other; entries past the last are zero.
 pub type Signals = [f64; MAX_SIGNALS];
@@ -31,13 +31,13 @@ pub type Text = [[u8; 32]; 12];
 /// The name of a machine, like [`Text`].
 pub type HostName = [[u8; 32]; 2];
 
-/// What may lie in shared memory as it is.
+/// A type that shared memory can hold as it is.
 #[cfg(feature = "iceoryx2")]
 pub trait Shareable: ZeroCopySend {}
 #[cfg(feature = "iceoryx2")]
 impl<T: ZeroCopySend> Shareable for T {}
 
-/// What may lie in shared memory as it is.
+/// A type that shared memory can hold as it is.
 #[cfg(not(feature = "iceoryx2"))]
 pub trait Shareable {}
 #[cfg(not(feature = "iceoryx2"))]
@@ -61,18 +61,18 @@ pub trait Sample:
     /// Whether a control loop waits for it.
     const CLOSES_THE_LOOP: bool;
 
-    /// What every sample begins with.
+    /// The header, with which every sample begins.
     fn header(&self) -> &Header;
     /// Whether all counts are within their limits.
     fn is_well_formed(&self) -> bool;
     /// Whether all numbers of the sample's vectors are finite.
     fn is_finite(&self) -> bool;
-    /// Shows what follows the header, field by field, with lists only as long as they are meant:
-    /// for records in formats that describe themselves.
+    /// Shows the fields after the header one by one, with lists cut to their counts: for records in
+    /// self-describing formats.
     fn fields(&self, show: &mut dyn FnMut(&'static str, Field<'_>));
-    /// What every sample begins with, to be filled in.
+    /// The header, to be filled in.
     fn header_mut(&mut self) -> &mut Header;
-    /// The field of this name, to be filled in from such a record.
+    /// The field of this name, to be filled in from a record.
     fn field_mut(&mut self, name: &str) -> Option<FieldMut<'_>>;
 }
 
@@ -94,7 +94,7 @@ pub enum FieldMut<'a> {
     Count(&'a mut u64),
     /// A number for each joint or each task axis, as many as there can be.
     Numbers(&'a mut [f64]),
-    /// Words as [`text`] lays them.
+    /// Words in the form of [`text`].
     Text(&'a mut [[u8; 32]]),
 }
 
@@ -188,7 +188,7 @@ macro_rules! layout {
 }
 
 layout! {
-    /// What every sample begins with.
+    /// The header, with which every sample begins.
     Header {
         /// [`VERSION`] of the writer.
         version: u32,
@@ -220,10 +220,11 @@ sample! {
         round_trip_ns: u64,
         /// The part of `round_trip_ns` spent inside the controller.
         residence_ns: u64,
-        /// The number of the controller that is in charge; 0 if none is, and the first to answer takes charge.
+        /// The number of the controller that leads; 0 if none does: then the first to answer
+        /// becomes the leader.
         leader: u64,
-        /// 1 while commands have stayed away for longer than the command timeout: nothing that was before
-        /// counts any more, and k is zero.
+        /// 1 while no command has come for longer than the command timeout: earlier echoes do not
+        /// count any more, and k is zero.
         timed_out: u64,
         /// How many numbers the echo has.
         echo_count: u64,
@@ -231,7 +232,7 @@ sample! {
         position: Joints,
         /// Measured joint velocities, rad/s.
         velocity: Joints,
-        /// The echo in effect at the sampling instant: what the law handed over with its torque.
+        /// The echo in effect at the sampling instant.
         applied: Echo,
         /// The mean of the echo over the memory step that ends at the sampling instant.
         delivered: Echo,
@@ -253,14 +254,14 @@ sample! {
         echo_count: u64,
         /// τ, N m.
         torque: Joints,
-        /// Numbers of the law's choice, like its task force Q̂: the plant holds them with the torque,
-        /// scales them with it, and returns what was in effect.
+        /// Numbers of the law's choice, like its task force Q̂: the plant holds them with the
+        /// torque, scales them with it, and returns what was in effect.
         echo: Echo,
     }
 }
 
 sample! {
-    /// Controller to monitors: how the law saw the instant it answered.
+    /// Controller to monitors: the tracking error that the law used, and its signals.
     ErrorSample {
         /// The state sample's, except for the version.
         header: Header,
@@ -270,13 +271,13 @@ sample! {
         error: Axes,
         /// ė, m/s.
         error_rate: Axes,
-        /// What the law shows beside, one signal after the other as its description lists them.
+        /// The law's signals, in the order of its description.
         signals: Signals,
     }
 }
 
 sample! {
-    /// Plant to monitors: the truth about the arm and the book-keeping of the run.
+    /// Plant to monitors: the true state of the arm and the counts of the run.
     StatusSample {
         /// The latest sampling instant.
         header: Header,
@@ -292,11 +293,11 @@ sample! {
         late: u64,
         /// Torque samples that were not acceptable.
         rejected: u64,
-        /// Sampling instants the plant reached only after the next was due.
+        /// Sampling instants that the plant reached after the next was due.
         deadline_misses: u64,
-        /// How often commands stayed away for longer than the command timeout.
+        /// How often no command came for longer than the command timeout.
         timeouts: u64,
-        /// How often another controller took charge.
+        /// How often the leader changed.
         takeovers: u64,
         /// True joint angles, rad.
         position: Joints,
@@ -308,9 +309,10 @@ sample! {
 }
 
 sample! {
-    /// Anybody to plant: a request to change the running loop.
+    /// Operator to plant: a request to change the running loop.
     RequestSample {
-        /// The run that is meant; `sequence` is a number of the asker's choice that names the request.
+        /// The run that is meant; `sequence` is a number of the operator's choice that identifies
+        /// the request.
         header: Header,
         /// 0 set, 1 pause, 2 resume, 3 reset, 4 kick.
         action: u64,
@@ -324,7 +326,7 @@ sample! {
 }
 
 sample! {
-    /// Plant to everybody: what became of a request.
+    /// Plant to all: the answer to a request.
     ChangeSample {
         /// The sampling instant from which on it is in effect.
         header: Header,
@@ -344,9 +346,9 @@ sample! {
 }
 
 sample! {
-    /// Once a second: who takes part in the session.
+    /// Any role to monitors, once a second: its presence in the session.
     PresenceSample {
-        /// The instant it last dealt with.
+        /// The instant that the role handled last.
         header: Header,
         /// 0 plant, 1 controller.
         role: u64,
@@ -356,7 +358,7 @@ sample! {
         since_ns: u64,
         /// Its number, which no other has: a controller's is in its torques.
         id: u64,
-        /// Controllers with a higher one go first.
+        /// The controller with the highest becomes the leader.
         precedence: u64,
         /// The machine it runs on.
         host: HostName,
@@ -374,7 +376,7 @@ macro_rules! implement_sample {
             }
             #[inline]
             fn is_finite(&self) -> bool {
-                // Without a way out in the middle, so that the compiler may look at several at once.
+                // Without an early exit, so that the compiler can vectorize it.
                 true $(& self.$field.iter().fold(true, |all, x| all & x.is_finite()))*
             }
             fn is_well_formed(&self) -> bool {
@@ -403,13 +405,20 @@ implement_sample! {
     PresenceSample, "presence", one writer false, loop false: ;
 }
 
+impl StateSample {
+    /// The number of the controller that leads; `None` if any may answer.
+    pub fn leader(&self) -> Option<u64> {
+        Some(self.leader).filter(|leader| *leader != 0)
+    }
+}
+
 impl ErrorSample {
-    /// What is known of the law; `None` for a law that this program does not have.
+    /// The description of the law; `None` for a law that this program does not have.
     pub fn description(&self) -> Option<&'static law::Description> {
         law::find(text_of(&self.law))
     }
 
-    /// The law's signals with their numbers; none of a law that this program does not have.
+    /// The law's signals with their numbers; empty for a law that this program does not have.
     pub fn signals(&self) -> impl Iterator<Item = (&'static law::Signal, &[f64])> {
         let (joints, axes) = (self.header.joints as usize, self.header.axes as usize);
         let description = self.description().into_iter();
@@ -439,7 +448,7 @@ impl Header {
         within(self.joints, MAX_JOINTS) && within(self.axes, MAX_AXES)
     }
 
-    /// The same instant, stamped with our own version: what an answer begins with.
+    /// The header of an answer: the same instant, with our own version.
     pub fn answer(&self) -> Self {
         Self { version: VERSION, ..*self }
     }
@@ -468,14 +477,14 @@ pub fn text<const ROWS: usize>(words: &str) -> [[u8; 32]; ROWS] {
     rows
 }
 
-/// Lays words into empty rows, cut where they do not fit.
+/// Writes words into empty rows, cut where they do not fit.
 pub fn write_text(rows: &mut [[u8; 32]], words: &str) {
     let fits = |length: &usize| words.is_char_boundary(*length);
     let length = (0..=words.len().min(rows.len() * 32)).rev().find(fits).unwrap_or(0);
     rows.as_flattened_mut()[..length].copy_from_slice(&words.as_bytes()[..length]);
 }
 
-/// The words that a sample carries; what is not UTF-8 ends them.
+/// The words that a sample carries, up to the first byte that is not UTF-8.
 pub fn text_of<const ROWS: usize>(rows: &[[u8; 32]; ROWS]) -> &str {
     let bytes = rows.as_flattened();
     let length = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());

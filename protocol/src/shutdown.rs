@@ -1,4 +1,4 @@
-//! When a role is to stop: Ctrl-C, SIGTERM, or the end of the process that started it.
+//! The request to stop a role: by Ctrl-C, SIGTERM, or the end of the process that started it.
 
 use std::{
     io::Read,
@@ -8,20 +8,19 @@ use std::{
 
 static STOP: AtomicBool = AtomicBool::new(false);
 
-/// Whether the process may go on. One flag for the whole process, as signals are.
+/// The flag that asks the process to stop. There is one for the whole process, as for signals.
 #[derive(Clone, Copy, Debug)]
 pub struct Shutdown;
 
 impl Shutdown {
-    /// From now on Ctrl-C, SIGTERM and SIGHUP ask the process to stop instead of ending it at once.
+    /// Makes Ctrl-C, SIGTERM and SIGHUP ask the process to stop instead of ending it at once.
     pub fn on_signals() -> Self {
         // Fails only if a handler is installed already, which then does the same.
         let _ = ctrlc::set_handler(|| Self.request());
         Self
     }
 
-    /// Also stops when standard input ends, as it does when the launcher that holds its other end
-    /// dies, however it dies.
+    /// Also stops the process when standard input ends, as it does when the launcher dies.
     pub fn when_stdin_closes(self) -> Self {
         thread::spawn(move || {
             let mut byte = [0];
@@ -36,7 +35,7 @@ impl Shutdown {
         STOP.store(true, Ordering::Relaxed);
     }
 
-    /// Whether nobody has asked to stop.
+    /// Whether the process may go on.
     pub fn proceed(self) -> bool {
         !STOP.load(Ordering::Relaxed)
     }

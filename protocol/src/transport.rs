@@ -1,4 +1,4 @@
-//! The transport that a scenario names, chosen at run time.
+//! The transport that a scenario names.
 
 use std::any::Any;
 
@@ -17,6 +17,7 @@ use crate::iceoryx2::Iceoryx2Bus;
 use crate::zenoh::ZenohBus;
 
 /// Any of the transports, chosen at run time.
+#[derive(Debug)]
 pub enum AnyBus {
     /// In one process.
     Local(LocalBus),
@@ -29,7 +30,7 @@ pub enum AnyBus {
 }
 
 impl AnyBus {
-    /// Whether the bus could be joined, as far as that is known without doing so.
+    /// Checks the settings, as far as that is possible without joining the bus.
     pub fn check(settings: &BusSettings) -> Result<(), BusError> {
         match settings.kind {
             #[cfg(feature = "zenoh")]
@@ -38,18 +39,17 @@ impl AnyBus {
         }
     }
 
-    /// Joins the bus that the settings name. On Zenoh everyone but the plant waits for somebody to
-    /// connect to, as long as `proceed` says so; `None` when it no longer does.
+    /// Joins the bus that the settings name.
+    ///
+    /// On Zenoh every role but the plant tries to connect for as long as `proceed` returns true;
+    /// `None` when it no longer does.
     pub fn open(
         settings: &BusSettings,
         role: Role,
         proceed: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, BusError> {
         match settings.kind {
-            BusKind::Local => Err(BusError::Settings(
-                "bus.kind = \"local\" stays within one process; roles of their own need iceoryx2 or zenoh"
-                    .to_owned(),
-            )),
+            BusKind::Local => Err(BusError::LocalToProcess),
             #[cfg(feature = "iceoryx2")]
             BusKind::Iceoryx2 => Ok(Some(Self::Iceoryx2(Iceoryx2Bus::open(&settings.session)?))),
             #[cfg(feature = "zenoh")]
@@ -57,20 +57,20 @@ impl AnyBus {
             #[cfg(not(all(feature = "iceoryx2", feature = "zenoh")))]
             kind => {
                 let _ = (role, proceed);
-                Err(BusError::Settings(format!("this program was built without {}", kind.name())))
+                Err(BusError::NotBuilt { transport: kind.name() })
             }
         }
     }
 
-    /// Joins the bus in the place of a plant that is elsewhere: a writer then rather waits a moment than
-    /// loses a sample, for no loop waits for it.
-    pub fn stand_in(
+    /// Joins the far bus of a bridge, in the place of the plant. A writer may wait a moment rather
+    /// than lose a sample, because no loop waits for it.
+    pub fn open_for_bridge(
         settings: &BusSettings,
         proceed: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, BusError> {
         match settings.kind {
             #[cfg(feature = "zenoh")]
-            BusKind::Zenoh => Ok(ZenohBus::stand_in(settings, proceed)?.map(Self::Zenoh)),
+            BusKind::Zenoh => Ok(ZenohBus::open_for_bridge(settings, proceed)?.map(Self::Zenoh)),
             _ => Self::open(settings, Role::Plant, proceed),
         }
     }
@@ -113,7 +113,7 @@ impl Shared for AnyBus {
     fn within(&self, session: &str) -> Result<Self, BusError> {
         let _ = session;
         match self {
-            Self::Local(_) => Err(one_session()),
+            Self::Local(_) => Err(BusError::OneSession),
             #[cfg(feature = "iceoryx2")]
             Self::Iceoryx2(bus) => bus.within(session).map(Self::Iceoryx2),
             #[cfg(feature = "zenoh")]
@@ -122,17 +122,11 @@ impl Shared for AnyBus {
     }
     fn sessions(&self) -> Result<Box<dyn Sessions>, BusError> {
         match self {
-            Self::Local(_) => Err(one_session()),
+            Self::Local(_) => Err(BusError::OneSession),
             #[cfg(feature = "iceoryx2")]
             Self::Iceoryx2(bus) => bus.sessions(),
             #[cfg(feature = "zenoh")]
             Self::Zenoh(bus) => bus.sessions(),
         }
     }
-}
-
-fn one_session() -> BusError {
-    BusError::Settings(
-        "bus.kind = \"local\" has one session; many need iceoryx2 or zenoh".to_owned(),
-    )
 }

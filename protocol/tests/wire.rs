@@ -1,4 +1,5 @@
-//! The page on the wire protocol and the controller in Python, against the definitions of samples and laws.
+//! The page on the wire protocol and the controller in Python agree with the samples and laws in
+//! the code.
 
 #![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
 

@@ -46,7 +46,7 @@ impl BridgeCommand {
         let proceed = || shutdown.proceed();
         // Those beyond connect to the bridge as they do to a plant; here it listens, and hands in requests.
         let role = if self.read_only { Role::Monitor } else { Role::Operator };
-        let Some(far) = AnyBus::stand_in(&to, &proceed)? else { return Ok(()) };
+        let Some(far) = AnyBus::open_for_bridge(&to, &proceed)? else { return Ok(()) };
         let Some(near) = AnyBus::open(&from, role, &proceed)? else { return Ok(()) };
         let mut bridge = Bridge::open(&near, &far, self.read_only)?;
         say(&format!(
@@ -55,7 +55,7 @@ impl BridgeCommand {
         ));
         let mut log = Log::new();
         while proceed() {
-            bridge.carry()?;
+            bridge.forward()?;
             log.refresh(&bridge);
             thread::sleep(PERIOD);
         }
@@ -116,8 +116,8 @@ impl Log {
         self.is_missing = missed > 0;
         say(&format!(
             "{:6} samples/s  requests {}  missed {}  malformed {}  here: {}",
-            traffic.over - self.before.over,
-            traffic.back,
+            traffic.forwarded - self.before.forwarded,
+            traffic.returned,
             traffic.missed,
             traffic.malformed,
             company(bridge.members())
@@ -126,9 +126,9 @@ impl Log {
     }
 
     fn end(&self, traffic: &Traffic) {
-        let Traffic { over, back, missed, malformed } = traffic;
+        let Traffic { forwarded, returned, missed, malformed } = traffic;
         say(&format!(
-            "mtj bridge: carried {over} samples over and {back} requests back; {missed} states missed, \
+            "mtj bridge: carried {forwarded} samples over and {returned} requests back; {missed} states missed, \
              {malformed} messages malformed"
         ));
     }

@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod bridge;
+#[cfg(feature = "zenoh")]
 pub mod certs;
 pub mod completions;
 pub mod export;

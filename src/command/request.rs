@@ -9,9 +9,9 @@ use clap::Args;
 use mtj_model::scenario::{Override, ScenarioError, duration};
 use mtj_options::JoinOptions;
 use mtj_protocol::{
-    knob::Knob,
     member::Role,
-    port::{Offered, RequestPort, UNANSWERED, fetch_scenario},
+    port::{Offered, RequestPort, Unanswered, fetch_scenario},
+    request::Request,
     shutdown::Shutdown,
     transport::AnyBus,
 };
@@ -70,7 +70,7 @@ impl Set {
     pub fn run(self) -> Result<(), Failure> {
         let sets: Vec<Override> =
             self.sets.iter().map(|text| text.parse()).collect::<Result<_, ScenarioError>>()?;
-        turn(&self.bus, &Knob::Set(self.sets), |offered| {
+        turn(&self.bus, &Request::Set(self.sets), |offered| {
             // Said here in full; the plant's answer has room for a few words.
             offered.scenario.changed(&sets).map(drop)
         })
@@ -80,21 +80,21 @@ impl Set {
 impl Pause {
     /// Pauses the loop.
     pub fn run(self) -> Result<(), Failure> {
-        turn(&self.bus, &Knob::Pause, |_| Ok(()))
+        turn(&self.bus, &Request::Pause, |_| Ok(()))
     }
 }
 
 impl Resume {
     /// Lets the loop go on.
     pub fn run(self) -> Result<(), Failure> {
-        turn(&self.bus, &Knob::Resume, |_| Ok(()))
+        turn(&self.bus, &Request::Resume, |_| Ok(()))
     }
 }
 
 impl Reset {
     /// Begins anew.
     pub fn run(self) -> Result<(), Failure> {
-        turn(&self.bus, &Knob::Reset, |_| Ok(()))
+        turn(&self.bus, &Request::Reset, |_| Ok(()))
     }
 }
 
@@ -105,19 +105,17 @@ impl Kick {
             Failure::bad_input(format!("--duration {}: expected {}", self.duration, duration::FORM))
         })?;
         let milliseconds = length.as_secs_f64() * 1e3;
-        turn(&self.bus, &Knob::Kick { torque: self.torque, milliseconds }, |_| Ok(()))
+        turn(&self.bus, &Request::Kick { torque: self.torque, milliseconds }, |_| Ok(()))
     }
 }
 
 /// Asks the plant on a bus to turn a knob, and prints what became of that.
 fn turn(
     options: &JoinOptions,
-    knob: &Knob,
+    request: &Request,
     check: impl Fn(&Offered) -> Result<(), ScenarioError>,
 ) -> Result<(), Failure> {
-    if let Some(fault) = knob.fault() {
-        return Err(Failure::bad_input(fault));
-    }
+    request.check().map_err(Failure::bad_input)?;
     let settings = options.settings()?;
     let shutdown = Shutdown::on_signals();
     let end = Instant::now() + PATIENCE;
@@ -136,8 +134,8 @@ fn turn(
     let offered = fetch_scenario(&bus, &proceed)?.ok_or_else(|| Failure::other(nobody()))?;
     check(&offered)?;
     let change = port
-        .turn(offered.run, knob, Instant::now() + PATIENCE)?
-        .ok_or_else(|| Failure::other(UNANSWERED))?;
+        .ask(offered.run, request, Instant::now() + PATIENCE)?
+        .ok_or_else(|| Failure::other(Unanswered))?;
     change.outcome().map_err(Failure::bad_input)?;
     let (time, sample) = (change.header.time_ns as f64 * 1e-9, change.header.sequence);
     let words = change.words();

@@ -127,7 +127,7 @@ impl StudyError {
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::Plant(error) => error.is_bad_input(),
-            Self::Bus(error) => matches!(error, BusError::Settings(_)),
+            Self::Bus(error) => error.is_bad_input(),
             Self::Figure(error) => error.is_bad_input(),
             Self::Scenario(_)
             | Self::Folder { .. }

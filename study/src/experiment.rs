@@ -78,8 +78,8 @@ pub fn run_in_threads(
         };
         let served = serve::serve(&bus, &Member::new(Role::Controller, 0), None, &running);
         let outcome = plant.join().unwrap_or_else(|_| {
-            Err(BusError::Transport("the plant's thread panicked".to_owned()).into())
+            Err(BusError::Transport("the plant's thread panicked".into()).into())
         });
-        served.map_err(|error| BusError::Controller(error.to_string()).into()).and(outcome)
+        served.map_err(|error| BusError::Controller(error.into()).into()).and(outcome)
     })
 }

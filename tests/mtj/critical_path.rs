@@ -123,8 +123,8 @@ impl<S: Sample> Writer<S> for WatchedEnd<dyn Writer<S>> {
         passes(sample);
         Ok(())
     }
-    fn settle(&mut self) -> Result<(), BusError> {
-        self.0.settle()
+    fn flush(&mut self) -> Result<(), BusError> {
+        self.0.flush()
     }
 }
 

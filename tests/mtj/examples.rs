@@ -32,9 +32,7 @@ fn shown(document: &str, command: &str) -> String {
 fn examples_print_what_the_document_shows() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/library.md");
     let document = fs::read_to_string(file).unwrap();
-    for name in
-        ["01_loop", "02_latency_and_memories", "03_own_law", "04_own_engine", "06_study"]
-    {
+    for name in ["01_loop", "02_latency_and_memories", "03_own_law", "04_own_engine", "06_study"] {
         let command = format!("cargo run --release --example {name}");
         assert_eq!(output(name), shown(&document, &command), "{name}");
     }

@@ -12,7 +12,7 @@ use mtj_model::scenario::Wait;
 use mtj_protocol::{
     bus::Bus,
     member::{Member, Role},
-    port::{ControllerPort, Heard, fetch_scenario},
+    port::{ControllerPort, Received, fetch_scenario},
     sample::{ErrorSample, StateSample, VERSION},
 };
 use nix::sys::signal::Signal;
@@ -222,16 +222,16 @@ fn a_slow_controller_is_late_and_its_torques_act_late() {
         while !plant.has_ended() && proceed() {
             let heard = port.receive(Instant::now() + Duration::from_millis(50)).unwrap();
             let torque = match heard {
-                Some(Heard::State) => controller.respond(port.state()).unwrap(),
-                Some(Heard::Again) => controller.answer_again(port.state()),
+                Some(Received::New) => controller.respond(port.state()).unwrap(),
+                Some(Received::Repeated) => controller.answer_again(port.state()),
                 _ => continue,
             };
             thread::sleep(Duration::from_millis(15));
-            if port.is_in_charge() {
+            if port.is_leader() {
                 torque.residence_ns = 15_000_000;
                 port.send(torque).unwrap();
             }
-            port.tell().unwrap();
+            port.flush().unwrap();
         }
         let report = report_of(&mut plant);
         let count = |name: &str| report["commands"][name].as_u64().unwrap();

@@ -247,7 +247,7 @@ fn a_router_keeps_the_same_rules() {
     });
     let mut config = Config::from_json5(&text).unwrap();
     config.insert_json5("listen/endpoints", &format!("[{:?}]", secured.endpoint)).unwrap();
-    threads::take_turns();
+    threads::use_one_thread();
     let router = zenoh::open(config).wait().unwrap();
     let plant = |secured: &Secured| {
         let listen = format!("tls/127.0.0.1:{}", free_port());

@@ -45,7 +45,7 @@ impl FromStr for Pattern {
         }
         Err(BusError::Settings(format!(
             "--session {text}: expected letters, digits, '-' and '_', and '*' for any of them, like 'cell-*'"
-        )))
+        ).into()))
     }
 }
 
@@ -72,7 +72,7 @@ mod tests {
             ("cell", "cell-1", false),
         ] {
             let found = pattern.parse::<Pattern>().map(|pattern| pattern.matches(name));
-            assert_eq!(found, Ok(expected), "{pattern} {name}");
+            assert_eq!(found.unwrap(), expected, "{pattern} {name}");
         }
     }
 

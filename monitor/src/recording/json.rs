@@ -4,7 +4,7 @@ use std::{any::Any, fmt, io, marker::PhantomData, ops::Range, sync::Arc};
 
 use mtj_model::scenario::Scenario;
 use mtj_protocol::{
-    gate,
+    admission,
     port::{Message, Offered},
     sample::{ErrorSample, Field, FieldMut, Header, Sample, VERSION, write_text},
 };
@@ -74,9 +74,9 @@ fn read_scenario(json: &[u8]) -> Result<Offered, String> {
 
 fn read_sample<S: Sample>(json: &[u8]) -> Result<S, String> {
     let read = serde_json::from_slice::<Retold<S>>(json).map_err(|error| error.to_string());
-    let accepted = read.and_then(|Retold(sample)| match gate::fault(&sample) {
-        None => Ok(sample),
-        Some(fault) => Err(fault.sentence().to_owned()),
+    let accepted = read.and_then(|Retold(sample)| match admission::check(&sample) {
+        Ok(()) => Ok(sample),
+        Err(rejection) => Err(rejection.to_string()),
     });
     accepted.map_err(|fault| other_version(json).unwrap_or(fault))
 }

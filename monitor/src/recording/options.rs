@@ -37,7 +37,8 @@ impl RecordingOptions {
     /// Creates the file, so that a path that cannot be written is known before anything else is done.
     pub fn begin(&self, bus: &BusSettings) -> Result<Option<Begun>, BusError> {
         let Some(path) = &self.record else { return Ok(None) };
-        let file = file::create(path, self.overwrite).map_err(BusError::Settings)?;
+        let file =
+            file::create(path, self.overwrite).map_err(|error| BusError::Settings(error.into()))?;
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let metadata = BTreeMap::from(
             [
@@ -51,10 +52,10 @@ impl RecordingOptions {
         );
         match RecordingFile::begin(file, metadata) {
             Ok(file) => Ok(Some(Begun { path: path.clone(), file })),
-            Err(error) => Err(BusError::Settings(format!(
-                "--record {}: {error}; choose a file on a disk with space",
-                path.display()
-            ))),
+            Err(error) => Err(BusError::Settings(
+                format!("--record {}: {error}; choose a file on a disk with space", path.display())
+                    .into(),
+            )),
         }
     }
 
@@ -70,7 +71,9 @@ impl Begun {
     /// Records from now on, which it says.
     pub fn start(self) -> Result<Recorder, BusError> {
         Recorder::start(&self.path, self.file).map_err(|error| {
-            BusError::Transport(format!("the recorder's thread could not be started: {error}"))
+            BusError::Transport(
+                format!("the recorder's thread could not be started: {error}").into(),
+            )
         })
     }
 }

@@ -22,7 +22,8 @@ impl Player {
     }
 
     fn advance(&mut self) -> Result<(), BusError> {
-        self.next = self.recording.next().transpose().map_err(BusError::Transport)?;
+        self.next =
+            self.recording.next().transpose().map_err(|error| BusError::Transport(error.into()))?;
         if self.next.is_none() {
             eprintln!("mtj: the recording has been played to its end");
         }

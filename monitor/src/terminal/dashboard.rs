@@ -104,6 +104,7 @@ impl Audience for Dashboard {
             return Ok(true);
         }
         self.next = Instant::now() + PERIOD;
-        self.draw().map_err(|error| BusError::Transport(format!("the terminal failed: {error}")))
+        self.draw()
+            .map_err(|error| BusError::Transport(format!("the terminal failed: {error}").into()))
     }
 }

@@ -46,7 +46,7 @@ impl TerminalOptions {
             Err(BusError::Settings(format!(
                 "--tui: the dashboard needs a terminal that can be drawn on, and {why}; without --tui \
                  there is one line a second"
-            )))
+            ).into()))
         };
         if !self.tui {
             Ok(())
@@ -66,7 +66,7 @@ impl TerminalOptions {
         }
         let place = format!("{} over {}", bus.session, bus.kind.name());
         let dashboard = Dashboard::open(place).map_err(|error| {
-            BusError::Transport(format!("--tui: no terminal to draw on: {error}"))
+            BusError::Transport(format!("--tui: no terminal to draw on: {error}").into())
         })?;
         Ok(Some(dashboard))
     }

@@ -25,9 +25,9 @@ impl Address {
     /// Reads an address.
     pub fn parse(text: &str) -> Result<Self, BusError> {
         let refuse = || {
-            BusError::Settings(format!(
-                "--web: '{text}' is no address; expected HOST:PORT, like {DEFAULT}"
-            ))
+            BusError::Settings(
+                format!("--web: '{text}' is no address; expected HOST:PORT, like {DEFAULT}").into(),
+            )
         };
         let (host, port) = match text.rsplit_once(':') {
             // The colons of an address without brackets do not end in a port.
@@ -57,7 +57,7 @@ impl Address {
                         "--web: cannot listen on {} port {port} ({error}); give another address, \
                          like {DEFAULT}",
                         self.host
-                    )));
+                    ).into()));
                 }
             }
         }
@@ -65,7 +65,7 @@ impl Address {
             "--web: all ports from {} to {last} of {} are in use; give another address, or port 0 \
              for any that is free",
             self.port, self.host
-        )))
+        ).into()))
     }
 
     fn listen_at(&self, port: u16) -> io::Result<TcpListener> {
@@ -107,7 +107,11 @@ mod tests {
             ("[::1]:81", "::1", 81),
             ("::1", "::1", 8080),
         ] {
-            assert_eq!(Address::parse(text), Ok(Address { host: host.to_owned(), port }), "{text}");
+            assert_eq!(
+                Address::parse(text).unwrap(),
+                Address { host: host.to_owned(), port },
+                "{text}"
+            );
         }
         for text in ["127.0.0.1:99999", "http://127.0.0.1:8080", "a b:1", "localhost:http", "99999"]
         {

@@ -8,7 +8,7 @@ use axum::{
     http::{StatusCode, header::CONTENT_TYPE},
     response::{IntoResponse, Response},
 };
-use mtj_protocol::{knob::Knob, sample::ChangeSample};
+use mtj_protocol::{request, sample::ChangeSample};
 use serde_json::{Value, json};
 use tokio::{sync::oneshot, time::timeout};
 
@@ -47,16 +47,17 @@ pub async fn turn(
     }
 }
 
-async fn read(body: Body) -> Result<Knob, String> {
+async fn read(body: Body) -> Result<request::Request, String> {
     let Ok(Ok(bytes)) = timeout(PATIENCE, body::to_bytes(body, LONGEST)).await else {
         return Err("the request is too long, or was never finished".to_owned());
     };
-    let knob: Knob = serde_json::from_slice(&bytes)
+    let knob: request::Request = serde_json::from_slice(&bytes)
         .map_err(|error| format!("there is no such knob: {error}"))?;
-    knob.fault().map_or(Ok(knob), Err)
+    knob.check().map_err(|error| error.to_string())?;
+    Ok(knob)
 }
 
-async fn ask(counter: &Counter, knob: Knob) -> Result<ChangeSample, String> {
+async fn ask(counter: &Counter, knob: request::Request) -> Result<ChangeSample, String> {
     let (sender, outcome) = oneshot::channel();
     // Nobody listens any more if the page has gone meanwhile.
     counter.turn(knob, move |outcome| drop(sender.send(outcome)));

@@ -100,7 +100,7 @@ impl WebOptions {
         let token = match self.read_only {
             true => None,
             false => Some(Token::draw().map_err(|error| {
-                BusError::Transport(format!("no random numbers for a token: {error}"))
+                BusError::Transport(format!("no random numbers for a token: {error}").into())
             })?),
         };
         Ok(Some(Reception { address, listener, token, open: self.open }))
@@ -158,7 +158,7 @@ impl Reception {
     /// Serves a dashboard of whatever the result hears; without a counter it has no knobs.
     pub fn serve(self, place: &Place, counter: Option<Counter>) -> Result<Dashboards, BusError> {
         let failed =
-            |error: io::Error| BusError::Transport(format!("--web: cannot serve: {error}"));
+            |error: io::Error| BusError::Transport(format!("--web: cannot serve: {error}").into());
         let Self { address, listener, token, open } = self;
         let token = token.filter(|_| counter.is_some());
         let local = listener.local_addr().map_err(failed)?;

@@ -1,10 +1,11 @@
-//! Our domain of shared memory: who lives in it, and how it is kept clean.
+//! A user's domain of shared memory, and the lock that guards it.
 //!
-//! What a user's processes share lies below `/dev/shm/mtj_<uid>`, which nobody else may enter, or in
-//! segments beside it whose names begin with `mtj_<uid>_`. iceoryx2 clears away after the dead, but not
-//! after all of them: not after one that died while it was making or clearing away something. So
-//! everything in the domain is made and taken down behind its *door*, a file lock that the kernel opens
-//! if the holder dies. The process inside knows that what is half done there was left by crashed processes.
+//! What a user's processes share lies below `/dev/shm/mtj_<uid>`, which no other user may enter, or
+//! in segments beside it whose names begin with `mtj_<uid>_`. iceoryx2 cleans up after crashed
+//! processes, but not after all of them: not after one that crashed while it was creating or
+//! removing something. So all creation and removal happens under one file lock, which the kernel
+//! releases if the holder dies. The process that holds it knows that anything incomplete was left
+//! by a crashed process, and removes it.
 
 use std::{
     fs::{self, DirBuilder, DirEntry, File, OpenOptions, Permissions, TryLockError},
@@ -22,165 +23,201 @@ use iceoryx2::prelude::{
     Config, FileName, Node, NodeBuilder, SemanticString as _, SignalHandlingMode, ipc,
 };
 
-use super::{error::Refusal, resources};
+use super::{
+    error::{AttemptError, SharedMemoryError, failure},
+    resources,
+};
 use crate::bus::BusError;
 
 /// Where segments of shared memory are files.
-pub const SEGMENTS: &str = "/dev/shm";
-/// How long to wait at the door. Nobody stays inside for more than some milliseconds.
+pub(super) const SEGMENTS: &str = "/dev/shm";
+/// How long to wait for the lock. No process holds it for more than some milliseconds.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// How often to try the lock.
 const RETRY: Duration = Duration::from_millis(1);
-/// How long somebody who was killed may take to be gone.
+/// How long the kernel may take to end a process that was killed.
 const DYING: Duration = Duration::from_secs(1);
 
 /// A user's part of shared memory.
-pub struct Domain {
+pub(super) struct Domain {
     pub(super) config: Box<Config>,
     pub(super) root: PathBuf,
     /// What the names of our segments and files begin with.
     pub(super) prefix: String,
-    door: File,
+    lock: DomainLock,
 }
 
-/// Somebody is inside: nobody else makes, takes down or clears away anything.
-pub struct Inside<'a>(&'a Domain);
-
-impl Drop for Inside<'_> {
-    fn drop(&mut self) {
-        // If this fails, the door opens when the process ends.
-        let _ = self.0.door.unlock();
-    }
+/// The file lock under which everything in the domain is created and removed.
+///
+/// Other versions of mtj, and other programs, lock the same file (`docs/wire.md`): it is called
+/// `door`.
+struct DomainLock {
+    file: File,
+    path: PathBuf,
 }
 
-impl Domain {
-    /// The domain of this process' user.
-    pub fn open() -> Result<Arc<Self>, BusError> {
-        let user = fs::metadata("/proc/self").map_err(resources::failure("/proc"))?.uid();
-        let name = format!("mtj_{user}");
-        let root = Path::new(SEGMENTS).join(&name);
-        claim(&root, user)?;
-        let door = OpenOptions::new()
+impl DomainLock {
+    fn open(root: &Path) -> Result<Self, SharedMemoryError> {
+        let path = root.join("door");
+        let file = OpenOptions::new()
             .read(true)
             .write(true)
             .create(true)
             .truncate(false)
             .mode(0o600)
-            .open(root.join("door"))
-            .map_err(|error| resources::io(&root, &error))?;
-        let prefix = name + "_";
-        // Nothing of a configuration file for iceoryx2: the domain must be the same for everybody.
-        let mut config = Config::default();
-        let path = iceoryx2::prelude::Path::new(root.as_os_str().as_encoded_bytes());
-        config.global.set_root_path(&path.map_err(resources::failure("the domain's directory"))?);
-        config.global.prefix =
-            FileName::new(prefix.as_bytes()).map_err(resources::failure("the domain's name"))?;
-        // We do that ourselves, at the door.
-        config.global.node.cleanup_dead_nodes_on_creation = false;
-        config.global.node.cleanup_dead_nodes_on_destruction = false;
-        config.global.service.cleanup_dead_nodes_on_open = false;
-        Ok(Arc::new(Self { config: Box::new(config), root, prefix, door }))
+            .open(&path)
+            .map_err(SharedMemoryError::io(root))?;
+        Ok(Self { file, path })
     }
 
-    /// A place for things that are known by their names, not by iceoryx2.
-    pub fn directory(&self, name: &str) -> Result<PathBuf, BusError> {
-        let directory = self.root.join(name);
-        fs::create_dir_all(&directory).map_err(|error| resources::io(&self.root, &error))?;
-        Ok(directory)
-    }
-
-    /// Waits until nobody else is inside. Not to be called by somebody who is.
-    pub fn enter(&self) -> Result<Inside<'_>, BusError> {
+    /// Waits for the lock.
+    fn lock(&self) -> Result<(), SharedMemoryError> {
         let end = Instant::now() + PATIENCE;
         loop {
-            match self.door.try_lock() {
+            match self.file.try_lock() {
                 Ok(()) => {
-                    // For the sentence below; nothing depends on it.
+                    // For the message below; nothing depends on it.
                     let name = format!("{:<10}", process::id());
-                    let _ = self.door.write_all_at(name.as_bytes(), 0);
-                    return Ok(Inside(self));
+                    let _ = self.file.write_all_at(name.as_bytes(), 0);
+                    return Ok(());
                 }
                 Err(TryLockError::WouldBlock) if Instant::now() < end => thread::sleep(RETRY),
                 Err(TryLockError::WouldBlock) => {
-                    let holder = fs::read_to_string(self.root.join("door")).unwrap_or_default();
-                    return Err(BusError::Transport(format!(
-                        "shared memory: process {} has held {} for {} s while it starts or ends; if it is \
-                         stopped, let it go on or kill it",
-                        holder.trim_end(),
-                        self.root.join("door").display(),
-                        PATIENCE.as_secs()
-                    )));
+                    let holder = fs::read_to_string(&self.path).unwrap_or_default();
+                    return Err(SharedMemoryError::Locked {
+                        holder: holder.trim_end().to_owned(),
+                        file: self.path.clone(),
+                        patience: PATIENCE,
+                    });
                 }
-                Err(TryLockError::Error(error)) => return Err(resources::io(&self.root, &error)),
+                Err(TryLockError::Error(error)) => {
+                    return Err(SharedMemoryError::io(&self.path)(error));
+                }
             }
         }
     }
 
-    /// Moves in, after clearing away what the dead left behind.
-    pub fn settle(self: &Arc<Self>) -> Result<Indoors<Node<ipc::Service>>, BusError> {
-        let inside = self.enter()?;
-        self.sweep(&inside);
+    fn unlock(&self) {
+        // If this fails, the kernel releases the lock when the process ends.
+        let _ = self.file.unlock();
+    }
+}
+
+/// Holds the domain's lock: no other process creates or removes anything.
+pub(super) struct LockGuard<'a>(&'a DomainLock);
+
+impl Drop for LockGuard<'_> {
+    fn drop(&mut self) {
+        self.0.unlock();
+    }
+}
+
+impl Domain {
+    /// Opens the domain of this process' user.
+    pub(super) fn open() -> Result<Arc<Self>, BusError> {
+        let proc = Path::new("/proc/self");
+        let user = fs::metadata(proc).map_err(SharedMemoryError::io(proc))?.uid();
+        let name = format!("mtj_{user}");
+        let root = Path::new(SEGMENTS).join(&name);
+        claim(&root, user)?;
+        let lock = DomainLock::open(&root)?;
+        let prefix = name + "_";
+        // Not from a configuration file for iceoryx2: all processes must agree on the domain.
+        let mut config = Config::default();
+        let path = iceoryx2::prelude::Path::new(root.as_os_str().as_encoded_bytes());
+        config.global.set_root_path(&path.map_err(failure("the domain's directory"))?);
+        config.global.prefix =
+            FileName::new(prefix.as_bytes()).map_err(failure("the domain's name"))?;
+        // We do that ourselves, under the lock.
+        config.global.node.cleanup_dead_nodes_on_creation = false;
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
+        config.global.service.cleanup_dead_nodes_on_open = false;
+        Ok(Arc::new(Self { config: Box::new(config), root, prefix, lock }))
+    }
+
+    /// A directory for files that iceoryx2 does not manage.
+    pub(super) fn directory(&self, name: &str) -> Result<PathBuf, SharedMemoryError> {
+        let directory = self.root.join(name);
+        fs::create_dir_all(&directory).map_err(SharedMemoryError::io(&self.root))?;
+        Ok(directory)
+    }
+
+    /// Waits for the lock. Deadlocks until the patience is over if the caller holds it.
+    pub(super) fn lock(&self) -> Result<LockGuard<'_>, SharedMemoryError> {
+        self.lock.lock()?;
+        Ok(LockGuard(&self.lock))
+    }
+
+    /// Creates this process' node, after the cleanup of what crashed processes left.
+    pub(super) fn join(self: &Arc<Self>) -> Result<Locked<Node<ipc::Service>>, SharedMemoryError> {
+        let guard = self.lock()?;
+        self.clean_up(&guard);
         resources::check(&self.root)?;
         let node = NodeBuilder::new()
             .config(&self.config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create()
-            .map_err(|error| resources::explain(&self.root, "a node", &error))?;
+            .map_err(|error| SharedMemoryError::diagnose(&self.root, "a node", error))?;
         self.close_to_others();
-        drop(inside);
-        Ok(self.keep(node))
+        drop(guard);
+        Ok(self.locked(node))
     }
 
-    /// Makes something inside. Where that fails because of somebody who has just died, or was dying when
-    /// we looked, it is tried again after clearing away what that process left.
-    pub fn make<T>(
+    /// Creates something under the lock. If the attempt fails because of a process that has just
+    /// crashed or is ending, it is repeated after a cleanup.
+    pub(super) fn create<T>(
         self: &Arc<Self>,
-        mut attempt: impl FnMut() -> Result<T, Refusal>,
-    ) -> Result<Indoors<T>, BusError> {
+        mut attempt: impl FnMut() -> Result<T, AttemptError>,
+    ) -> Result<Locked<T>, SharedMemoryError> {
         let end = Instant::now() + DYING;
         loop {
-            let inside = self.enter()?;
+            let guard = self.lock()?;
             match attempt() {
-                Ok(made) => return Ok(self.keep(made)),
-                Err(Refusal::Final(error)) => return Err(error),
-                Err(Refusal::Perhaps(error)) if Instant::now() >= end => return Err(error),
-                Err(Refusal::Perhaps(_)) => self.sweep(&inside),
+                Ok(created) => return Ok(self.locked(created)),
+                Err(AttemptError::Permanent(error)) => return Err(error),
+                Err(AttemptError::Transient(error)) if Instant::now() >= end => return Err(error),
+                Err(AttemptError::Transient(_)) => self.clean_up(&guard),
             }
-            drop(inside);
+            drop(guard);
             thread::sleep(10 * RETRY);
         }
     }
 
-    /// Takes something down and makes something else in its place, which may fail, unless somebody is inside just
-    /// now; returns whether it was done. For those who have no time to wait.
-    pub fn replace<T>(
+    /// Replaces something by a new one, which may fail; returns false, and does nothing, if another
+    /// process holds the lock. For callers that have no time to wait.
+    pub(super) fn try_replace<T>(
         self: &Arc<Self>,
-        thing: &mut Option<Indoors<T>>,
+        thing: &mut Option<Locked<T>>,
         attempt: impl FnOnce() -> Option<T>,
     ) -> bool {
-        if self.door.try_lock().is_err() {
+        if self.lock.file.try_lock().is_err() {
             return false;
         }
-        let made = attempt();
-        // Who is inside already enters at once, and leaves when that is taken down.
+        let created = attempt();
+        // The old one locks the file once more, which succeeds at once, and unlocks it when it is
+        // removed.
         *thing = None;
-        drop(Inside(self));
-        *thing = made.map(|made| self.keep(made));
+        self.lock.unlock();
+        *thing = created.map(|created| self.locked(created));
         true
     }
 
-    fn keep<T>(self: &Arc<Self>, thing: T) -> Indoors<T> {
-        Indoors { _shut: Shut(Arc::clone(self)), thing, _open: Open(Arc::clone(self)) }
+    fn locked<T>(self: &Arc<Self>, thing: T) -> Locked<T> {
+        Locked {
+            _lock: LockOnDrop(Arc::clone(self)),
+            thing,
+            _unlock: UnlockOnDrop(Arc::clone(self)),
+        }
     }
 
-    /// Where everything is but the segments themselves.
-    pub fn root(&self) -> &Path {
+    /// The directory of everything but the segments.
+    pub(super) fn root(&self) -> &Path {
         &self.root
     }
 
-    /// Allocates the part of a publisher's segment that it uses first, a `share` of the whole, so that it
-    /// will not find out in the middle of the loop that there is no memory. We alone write to it.
-    pub fn reserve(&self, publisher: u128, share: usize) -> io::Result<()> {
+    /// Allocates the part of a publisher's segment that it uses first, one `share`-th of it, so
+    /// that the loop does not run out of memory later. Only this process writes to the segment.
+    pub(super) fn reserve(&self, publisher: u128, share: usize) -> io::Result<()> {
         let end = format!("_{publisher}.data");
         let is_ours = |name: &str| name.starts_with(&self.prefix) && name.ends_with(&end);
         for (_, entry) in entries(Path::new(SEGMENTS)).filter(|(name, _)| is_ours(name)) {
@@ -195,37 +232,37 @@ impl Domain {
         Ok(())
     }
 
-    /// iceoryx2 lets everybody read and write the counter of nodes.
+    /// Closes the counter of nodes to other users; iceoryx2 lets all of them read and write it.
     fn close_to_others(&self) {
         for (name, entry) in entries(Path::new(SEGMENTS)) {
             if name.starts_with(&self.prefix) && name.ends_with(".global_mgmt") {
-                // It may be gone already, if another process has swept.
+                // The cleanup of another process may have removed it.
                 let _ = fs::set_permissions(entry.path(), Permissions::from_mode(0o600));
             }
         }
     }
 }
 
-/// Sweeps when it is dropped: the last thing that somebody does who leaves.
-pub struct Cleanup(pub Arc<Domain>);
+/// Cleans up when it is dropped: the last thing that a process does that leaves.
+pub(super) struct CleanupOnDrop(pub(super) Arc<Domain>);
 
-impl Drop for Cleanup {
+impl Drop for CleanupOnDrop {
     fn drop(&mut self) {
-        if let Ok(inside) = self.0.enter() {
-            self.0.sweep(&inside);
+        if let Ok(guard) = self.0.lock() {
+            self.0.clean_up(&guard);
         }
     }
 }
 
-/// Something in the domain that is taken down behind the door, wherever and whenever it is dropped.
-pub struct Indoors<T> {
+/// Something in the domain that is removed under the lock, wherever and whenever it is dropped.
+pub(super) struct Locked<T> {
     // Fields are dropped in this order.
-    _shut: Shut,
+    _lock: LockOnDrop,
     thing: T,
-    _open: Open,
+    _unlock: UnlockOnDrop,
 }
 
-impl<T> Deref for Indoors<T> {
+impl<T> Deref for Locked<T> {
     type Target = T;
 
     fn deref(&self) -> &T {
@@ -233,56 +270,48 @@ impl<T> Deref for Indoors<T> {
     }
 }
 
-impl<T> DerefMut for Indoors<T> {
+impl<T> DerefMut for Locked<T> {
     fn deref_mut(&mut self) -> &mut T {
         &mut self.thing
     }
 }
 
-struct Shut(Arc<Domain>);
+struct LockOnDrop(Arc<Domain>);
 
-impl Drop for Shut {
+impl Drop for LockOnDrop {
     fn drop(&mut self) {
-        // If nobody answers the door, it is taken down all the same.
-        if let Ok(inside) = self.0.enter() {
-            std::mem::forget(inside);
-        }
+        // If the lock cannot be had, the thing is removed all the same.
+        let _ = self.0.lock.lock();
     }
 }
 
-struct Open(Arc<Domain>);
+struct UnlockOnDrop(Arc<Domain>);
 
-impl Drop for Open {
+impl Drop for UnlockOnDrop {
     fn drop(&mut self) {
-        drop(Inside(&self.0));
+        self.0.lock.unlock();
     }
 }
 
-/// What is in a directory; nothing, if it cannot be read.
-pub fn entries(directory: &Path) -> impl Iterator<Item = (String, DirEntry)> {
+/// The entries of a directory; none, if it cannot be read.
+pub(super) fn entries(directory: &Path) -> impl Iterator<Item = (String, DirEntry)> {
     let entries = fs::read_dir(directory).into_iter().flatten().flatten();
     entries.filter_map(|entry| Some((entry.file_name().into_string().ok()?, entry)))
 }
 
-/// Makes a directory that is ours alone, or makes sure that it is.
-fn claim(directory: &Path, user: u32) -> Result<(), BusError> {
+/// Creates a directory that only this user may enter, or checks that it is one.
+fn claim(directory: &Path, user: u32) -> Result<(), SharedMemoryError> {
+    let io = SharedMemoryError::io(directory);
     match DirBuilder::new().mode(0o700).create(directory) {
-        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
-            return Err(resources::io(directory, &error));
-        }
+        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => return Err(io(error)),
         _ => {}
     }
-    let refuse = |error: io::Error| resources::io(directory, &error);
-    let found = fs::symlink_metadata(directory).map_err(refuse)?;
+    let found = fs::symlink_metadata(directory).map_err(io)?;
     if !found.is_dir() || found.uid() != user {
-        return Err(BusError::Settings(format!(
-            "{} is not a directory of this user; have it removed, it is where mtj keeps what its processes \
-             share",
-            directory.display()
-        )));
+        return Err(SharedMemoryError::ForeignDirectory(directory.to_owned()));
     }
     if found.mode() & 0o077 != 0 {
-        fs::set_permissions(directory, Permissions::from_mode(0o700)).map_err(refuse)?;
+        fs::set_permissions(directory, Permissions::from_mode(0o700)).map_err(io)?;
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
-//! The members of a session: a file for each, locked for as long as its process lives.
+//! The members of a session: one file each, locked for as long as its process lives.
 //!
-//! iceoryx2 knows who lives too, but to ask it costs more than a plant can spend between two samples.
+//! iceoryx2 knows living processes too, but to ask it takes longer than a plant has between two
+//! samples.
 
 use std::{
     any::Any,
@@ -11,35 +12,36 @@ use std::{
     path::PathBuf,
 };
 
-use super::{domain::Domain, resources};
+use super::{domain::Domain, error::SharedMemoryError};
 use crate::{
     bus::{Attendance, BusError, Sessions},
     member::Member,
 };
 
-/// The files of members.
-pub struct Members {
+/// The files of members, of one session or of all.
+pub(super) struct Members {
     directory: PathBuf,
     /// What the names of their files begin with.
     prefix: String,
 }
 
 impl Members {
-    pub fn of(domain: &Domain, session: &str) -> Result<Self, BusError> {
+    /// The members of one session.
+    pub(super) fn of(domain: &Domain, session: &str) -> Result<Self, SharedMemoryError> {
         let directory = domain.directory("members")?;
         Ok(Self { directory, prefix: format!("{session}.") })
     }
 
-    /// Those of every session.
-    pub fn of_all(domain: &Domain) -> Result<Self, BusError> {
+    /// The members of every session.
+    pub(super) fn of_all(domain: &Domain) -> Result<Self, SharedMemoryError> {
         Ok(Self { directory: domain.directory("members")?, prefix: String::new() })
     }
 
-    /// What follows the prefix in the names of those who live.
-    fn living(&self) -> Result<Vec<String>, BusError> {
-        let refuse = |error| resources::io(&self.directory, &error);
+    /// What follows the prefix in the file names of living members.
+    fn living(&self) -> Result<Vec<String>, SharedMemoryError> {
         let mut names = Vec::new();
-        for entry in fs::read_dir(&self.directory).map_err(refuse)?.flatten() {
+        let entries = fs::read_dir(&self.directory);
+        for entry in entries.map_err(SharedMemoryError::io(&self.directory))?.flatten() {
             let name = entry.file_name();
             let Some(rest) = name.to_str().and_then(|name| name.strip_prefix(&self.prefix)) else {
                 continue;
@@ -56,19 +58,20 @@ impl Members {
         self.directory.join(format!("{}{}", self.prefix, member.to_string().replace('/', ".")))
     }
 
-    /// Announces a member. Only inside.
-    pub fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError> {
-        let refuse = |error| resources::io(&self.directory, &error);
+    /// Announces a member; requires the domain's lock.
+    pub(super) fn announce(&self, member: &Member) -> Result<Box<dyn Any>, SharedMemoryError> {
+        let io = SharedMemoryError::io(&self.directory);
         let path = self.path(member);
         let file =
             OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&path);
-        let file = file.map_err(refuse)?;
-        file.lock().map_err(refuse)?;
+        let file = file.map_err(io)?;
+        file.lock().map_err(io)?;
         Ok(Box::new(Announcement { path, _file: file }))
     }
 }
 
-/// Whether the process that made a file lives: the kernel unlocks it when the process dies.
+/// Whether the process that created a file lives: the kernel unlocks the file when the process
+/// dies.
 fn is_locked(file: &File) -> bool {
     matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock))
 }
@@ -83,7 +86,7 @@ impl Attendance for Members {
         match File::open(self.path(member)) {
             Ok(file) => Ok(is_locked(&file)),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
-            // Without a descriptor left to find out, the lease decides.
+            // If no descriptor is left to find out, the lease decides.
             Err(_) => Ok(true),
         }
     }
@@ -104,7 +107,7 @@ struct Announcement {
 
 impl Drop for Announcement {
     fn drop(&mut self) {
-        // Unlocked it counts for nothing, even if it cannot be removed.
+        // An unlocked file counts for nothing, even if it cannot be removed.
         let _ = fs::remove_file(&self.path);
     }
 }

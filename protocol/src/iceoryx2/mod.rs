@@ -1,16 +1,26 @@
 //! The bus over iceoryx2: zero-copy shared memory between the processes of one machine.
 //!
-//! Each topic is a publish-subscribe service `mtj/<session>/<topic>`, through which everybody gets every sample.
-//! Beside it each writer of what closes the loop has a slot, from which those who follow it get the newest
-//! sample sooner. Readers that block have a listener, and writers notify only while there is one, so a spinning
-//! loop makes no system calls. The scenario is a service of bytes with a history of one.
+//! Each topic is a publish-subscribe service `mtj/<session>/<topic>` that carries every sample to
+//! every reader. In addition, each writer of a sample that closes the loop has a slot, from which
+//! its followers get the newest sample sooner. Readers that block have a listener, and writers
+//! notify only while there is one, so a spinning loop makes no system calls. The scenario is a
+//! service of bytes with a history of one.
+//!
+//! ```text
+//! domain     a user's part of shared memory, and the lock that guards it
+//! cleanup    the removal of what crashed processes left
+//! resources  memory and descriptors that a process needs
+//! members    the processes of a session
+//! slot       the newest sample of one writer
+//! error      why something could not be created
+//! ```
 
+mod cleanup;
 mod domain;
 mod error;
 mod members;
 mod resources;
 mod slot;
-mod sweep;
 
 use std::{
     any::Any,
@@ -34,11 +44,11 @@ use iceoryx2::{
 use mtj_model::scenario::Wait;
 use nix::poll::{PollFd, PollFlags, ppoll};
 
+pub use self::error::SharedMemoryError;
 use self::{
-    domain::{Cleanup, Domain, Indoors},
-    error::Trouble,
+    domain::{CleanupOnDrop, Domain, Locked},
+    error::{ServiceError, failure},
     members::Members,
-    resources::failure,
     slot::{SlotReader, SlotWriter},
 };
 use crate::{
@@ -46,6 +56,7 @@ use crate::{
         Attendance, Bus, BusError, Depth, Offering, RECENT_DEPTH, Reader, STREAM_DEPTH, Sessions,
         Shared, Writer,
     },
+    debug_by_name,
     member::Member,
     sample::Sample,
 };
@@ -58,57 +69,59 @@ const MAX_WRITERS: usize = 16;
 const MAX_NODES: usize = 32;
 /// The longest scenario, bytes.
 const MAX_OFFER: usize = 65536;
-/// How often a stream's reader looks again; it is no part of the loop, so it does not ask to be woken.
+/// How often a reader of a stream polls; it is no part of the loop, so it does not ask to be woken.
 const STREAM_POLL: Duration = Duration::from_millis(1);
 
-/// How often a spinning reader looks at the writer it follows before it looks at the clock; and how often it does
-/// that before it looks at what others have written.
-const LOOKS: u32 = 32;
+/// How often a spinning reader polls the slot before it returns; and how often it does that before
+/// it polls the stream.
+const POLLS: u32 = 32;
 
 /// A session on shared memory.
 pub struct Iceoryx2Bus {
     offers: RefCell<Offers>,
-    place: Rc<Place>,
+    session: Rc<Session>,
 }
 
-/// Where a session is, and our part in it.
-struct Place {
-    session: String,
-    node: Indoors<Node<ipc::Service>>,
+debug_by_name!(Iceoryx2Bus);
+
+/// Our part in a session.
+struct Session {
+    name: String,
+    node: Locked<Node<ipc::Service>>,
     domain: Arc<Domain>,
-    /// Last, because fields are dropped in order: it sweeps when the node has gone.
-    _cleanup: Cleanup,
+    /// Last, because fields are dropped in order: it cleans up when the node is gone.
+    _cleanup: CleanupOnDrop,
 }
 
 #[derive(Default)]
 struct Offers {
-    subscriber: Option<Indoors<Subscriber<ipc::Service, [u8], ()>>>,
+    subscriber: Option<Locked<Subscriber<ipc::Service, [u8], ()>>>,
     newest: Option<Vec<u8>>,
 }
 
 impl Iceoryx2Bus {
-    /// Joins the session, after clearing away what dead processes left behind.
+    /// Joins a session, after the cleanup of what crashed processes left.
     pub fn open(session: &str) -> Result<Self, BusError> {
         set_log_level_from_env_or(LogLevel::Fatal);
         let domain = Domain::open()?;
-        let node = domain.settle()?;
-        let _cleanup = Cleanup(Arc::clone(&domain));
-        let place = Place { session: session.to_owned(), node, domain, _cleanup };
-        Ok(Self { offers: RefCell::default(), place: Rc::new(place) })
+        let node = domain.join()?;
+        let _cleanup = CleanupOnDrop(Arc::clone(&domain));
+        let session = Session { name: session.to_owned(), node, domain, _cleanup };
+        Ok(Self { offers: RefCell::default(), session: Rc::new(session) })
     }
 }
 
-impl Place {
-    fn name(&self, topic: &str) -> Result<ServiceName, Trouble> {
-        Ok(ServiceName::new(&format!("mtj/{}/{topic}", self.session))?)
+impl Session {
+    fn service_name(&self, topic: &str) -> Result<ServiceName, ServiceError> {
+        Ok(ServiceName::new(&format!("mtj/{}/{topic}", self.name))?)
     }
 
     fn service<S: Sample>(
         &self,
-    ) -> Result<publish_subscribe::PortFactory<ipc::Service, S, ()>, Trouble> {
+    ) -> Result<publish_subscribe::PortFactory<ipc::Service, S, ()>, ServiceError> {
         Ok(self
             .node
-            .service_builder(&self.name(S::TOPIC)?)
+            .service_builder(&self.service_name(S::TOPIC)?)
             .publish_subscribe::<S>()
             .enable_safe_overflow(true)
             .subscriber_max_buffer_size(STREAM_DEPTH)
@@ -120,10 +133,10 @@ impl Place {
             .open_or_create()?)
     }
 
-    fn event_service(&self, topic: &str) -> Result<event::PortFactory<ipc::Service>, Trouble> {
+    fn event_service(&self, topic: &str) -> Result<event::PortFactory<ipc::Service>, ServiceError> {
         Ok(self
             .node
-            .service_builder(&self.name(topic)?)
+            .service_builder(&self.service_name(topic)?)
             .event()
             .max_listeners(MAX_READERS)
             .max_notifiers(MAX_WRITERS)
@@ -133,10 +146,10 @@ impl Place {
 
     fn offer_service(
         &self,
-    ) -> Result<publish_subscribe::PortFactory<ipc::Service, [u8], ()>, Trouble> {
+    ) -> Result<publish_subscribe::PortFactory<ipc::Service, [u8], ()>, ServiceError> {
         Ok(self
             .node
-            .service_builder(&self.name("scenario")?)
+            .service_builder(&self.service_name("scenario")?)
             .publish_subscribe::<[u8]>()
             .enable_safe_overflow(true)
             .history_size(1)
@@ -148,21 +161,24 @@ impl Place {
             .open_or_create()?)
     }
 
-    fn slot_name<S: Sample>(&self, publisher: UniquePublisherId) -> Result<ServiceName, Trouble> {
-        self.name(&format!("{}/{}", S::TOPIC, publisher.value()))
+    fn slot_name<S: Sample>(
+        &self,
+        publisher: UniquePublisherId,
+    ) -> Result<ServiceName, ServiceError> {
+        self.service_name(&format!("{}/{}", S::TOPIC, publisher.value()))
     }
 
-    /// Makes something of a topic's, or says why not.
-    fn make<T>(
+    /// Creates something of a topic under the domain's lock.
+    fn create<T>(
         &self,
         topic: &str,
-        attempt: impl Fn() -> Result<T, Trouble>,
-    ) -> Result<Indoors<T>, BusError> {
-        let refuse = |trouble: Trouble| trouble.at(topic, &self.session, self.domain.root());
-        self.domain.make(|| attempt().map_err(refuse))
+        attempt: impl Fn() -> Result<T, ServiceError>,
+    ) -> Result<Locked<T>, BusError> {
+        let at = |error: ServiceError| error.at(topic, &self.name, self.domain.root());
+        Ok(self.domain.create(|| attempt().map_err(at))?)
     }
 
-    fn write_end<S: Sample>(&self) -> Result<WriteEnd<S>, Trouble> {
+    fn write_end<S: Sample>(&self) -> Result<WriteEnd<S>, ServiceError> {
         let publisher = self
             .service::<S>()?
             .publisher_builder()
@@ -179,7 +195,11 @@ impl Place {
         Ok(WriteEnd { publisher, slot, notifier, event })
     }
 
-    fn read_end<S: Sample>(&self, buffer: usize, listens: bool) -> Result<ReadEnd<S>, Trouble> {
+    fn read_end<S: Sample>(
+        &self,
+        buffer: usize,
+        listens: bool,
+    ) -> Result<ReadEnd<S>, ServiceError> {
         let subscriber = self.service::<S>()?.subscriber_builder().buffer_size(buffer).create()?;
         let listener = match listens {
             true => Some(self.event_service(S::TOPIC)?.listener_builder().create()?),
@@ -188,7 +208,7 @@ impl Place {
         Ok(ReadEnd { subscriber, listener })
     }
 
-    fn offer_end(&self) -> Result<Publisher<ipc::Service, [u8], ()>, Trouble> {
+    fn offer_end(&self) -> Result<Publisher<ipc::Service, [u8], ()>, ServiceError> {
         let service = self.offer_service()?;
         let publisher = service.publisher_builder().initial_max_slice_len(MAX_OFFER).create()?;
         self.domain.reserve(publisher.id().value(), MAX_NODES)?;
@@ -198,7 +218,7 @@ impl Place {
 
 impl Bus for Iceoryx2Bus {
     fn writer<S: Sample>(&self) -> Result<Box<dyn Writer<S>>, BusError> {
-        let end = self.place.make(S::TOPIC, || self.place.write_end::<S>())?;
+        let end = self.session.create(S::TOPIC, || self.session.write_end::<S>())?;
         Ok(Box::new(Iceoryx2Writer { end, expedited: None }))
     }
 
@@ -209,18 +229,19 @@ impl Bus for Iceoryx2Bus {
         };
         let listens = depth != Depth::Stream && wait != Wait::Spin;
         Ok(Box::new(Iceoryx2Reader {
-            end: self.place.make(S::TOPIC, || self.place.read_end::<S>(buffer, listens))?,
+            end: self.session.create(S::TOPIC, || self.session.read_end::<S>(buffer, listens))?,
             streamed: S::default(),
             writer: None,
             followed: None,
             slot: None,
             spins: 0,
-            place: Rc::clone(&self.place),
+            session: Rc::clone(&self.session),
         }))
     }
 
     fn offer(&self, bytes: Vec<u8>) -> Result<Box<dyn Offering>, BusError> {
-        let mut offer = Iceoryx2Offer(self.place.make("scenario", || self.place.offer_end())?);
+        let mut offer =
+            Iceoryx2Offer(self.session.create("scenario", || self.session.offer_end())?);
         offer.renew(bytes)?;
         Ok(Box::new(offer))
     }
@@ -228,8 +249,8 @@ impl Bus for Iceoryx2Bus {
     fn fetch(&self) -> Result<Option<Vec<u8>>, BusError> {
         let mut offers = self.offers.borrow_mut();
         if offers.subscriber.is_none() {
-            let subscribe = || Ok(self.place.offer_service()?.subscriber_builder().create()?);
-            offers.subscriber = Some(self.place.make("scenario", subscribe)?);
+            let subscribe = || Ok(self.session.offer_service()?.subscriber_builder().create()?);
+            offers.subscriber = Some(self.session.create("scenario", subscribe)?);
         }
         while let Some(subscriber) = &offers.subscriber
             && let Some(sample) = subscriber.receive().map_err(failure("scenario"))?
@@ -242,14 +263,14 @@ impl Bus for Iceoryx2Bus {
     }
 
     fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError> {
-        let Place { domain, session, .. } = &*self.place;
-        let members = Members::of(domain, session)?;
-        let _inside = domain.enter()?;
-        members.announce(member)
+        let Session { domain, name, .. } = &*self.session;
+        let members = Members::of(domain, name)?;
+        let _guard = domain.lock()?;
+        Ok(members.announce(member)?)
     }
 
     fn attendance(&self) -> Result<Box<dyn Attendance>, BusError> {
-        Ok(Box::new(Members::of(&self.place.domain, &self.place.session)?))
+        Ok(Box::new(Members::of(&self.session.domain, &self.session.name)?))
     }
 }
 
@@ -259,7 +280,7 @@ impl Shared for Iceoryx2Bus {
     }
 
     fn sessions(&self) -> Result<Box<dyn Sessions>, BusError> {
-        Ok(Box::new(Members::of_all(&self.place.domain)?))
+        Ok(Box::new(Members::of_all(&self.session.domain)?))
     }
 }
 
@@ -271,8 +292,8 @@ struct WriteEnd<S: Sample> {
 }
 
 struct Iceoryx2Writer<S: Sample> {
-    end: Indoors<WriteEnd<S>>,
-    /// What is not in the stream yet.
+    end: Locked<WriteEnd<S>>,
+    /// The sample that is in the slot only.
     expedited: Option<S>,
 }
 
@@ -288,7 +309,7 @@ impl<S: Sample> WriteEnd<S> {
 
     fn wake(&self) {
         if self.has_sleepers() {
-            // A listener that died meanwhile is no reason to stop.
+            // A listener whose process has crashed meanwhile is no reason to stop.
             let _ = self.notifier.notify();
         }
     }
@@ -296,7 +317,7 @@ impl<S: Sample> WriteEnd<S> {
 
 impl<S: Sample> Writer<S> for Iceoryx2Writer<S> {
     fn write(&mut self, sample: &S) -> Result<(), BusError> {
-        self.settle()?;
+        self.flush()?;
         if let Some(slot) = &mut self.end.slot {
             slot.write(sample);
         }
@@ -308,20 +329,20 @@ impl<S: Sample> Writer<S> for Iceoryx2Writer<S> {
     fn expedite(&mut self, sample: &S) -> Result<(), BusError> {
         let Some(slot) = &mut self.end.slot else { return self.write(sample) };
         slot.write(sample);
-        self.settle()?;
+        self.flush()?;
         self.expedited = Some(*sample);
         if self.end.has_sleepers() {
-            // A reader that sleeps may not follow us yet, and is woken but once.
-            self.settle()?;
+            // A reader that sleeps may not follow us yet, and is woken only once.
+            self.flush()?;
             self.end.wake();
         }
         Ok(())
     }
 
-    fn settle(&mut self) -> Result<(), BusError> {
+    fn flush(&mut self) -> Result<(), BusError> {
         let Some(sample) = self.expedited.take() else { return Ok(()) };
         if let Some(slot) = &mut self.end.slot {
-            slot.prepare(&sample);
+            slot.prefetch(&sample);
         }
         self.end.publish(&sample)
     }
@@ -333,19 +354,20 @@ struct ReadEnd<S: Sample> {
 }
 
 struct Iceoryx2Reader<S: Sample> {
-    end: Indoors<ReadEnd<S>>,
-    /// What came last by the stream, and who wrote it if that is the sample at hand.
+    end: Locked<ReadEnd<S>>,
+    /// The newest sample of the stream.
     streamed: S,
+    /// Its writer, if it is the current sample; `None` while the current sample is the slot's.
     writer: Option<UniquePublisherId>,
     followed: Option<UniquePublisherId>,
-    /// Of the writer that is followed, if it has one.
-    slot: Option<Indoors<SlotReader<S>>>,
+    /// The slot of the writer that is followed, if it has one.
+    slot: Option<Locked<SlotReader<S>>>,
     spins: u32,
-    place: Rc<Place>,
+    session: Rc<Session>,
 }
 
 impl<S: Sample> Iceoryx2Reader<S> {
-    /// Goes on to the next sample of the stream that did not come by the slot.
+    /// Advances to the next sample of the stream that the slot does not deliver.
     fn advance_in_stream(&mut self) -> Result<bool, BusError> {
         for _ in 0..RECENT_DEPTH {
             let found = self.end.subscriber.receive().map_err(failure(S::TOPIC))?;
@@ -379,15 +401,16 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
 
     fn spin(&mut self) -> Result<bool, BusError> {
         let Some(slot) = &self.slot else { return self.advance() };
-        for _ in 0..LOOKS {
+        for _ in 0..POLLS {
             if slot.has_news() {
                 return self.advance();
             }
             std::hint::spin_loop();
         }
-        // To look there takes as long as all of the above, and what closes the loop does not come from there.
+        // To poll the stream takes as long as all of the above, and it seldom has what closes the
+        // loop.
         self.spins = self.spins.wrapping_add(1);
-        if self.spins.is_multiple_of(LOOKS) { self.advance() } else { Ok(false) }
+        if self.spins.is_multiple_of(POLLS) { self.advance() } else { Ok(false) }
     }
 
     fn sleep(&mut self, until: Instant) -> Result<(), BusError> {
@@ -396,7 +419,7 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
             None => thread::sleep(patience.min(STREAM_POLL)),
             Some(listener) => {
                 wait_readable(listener, patience);
-                // A signal may interrupt this; the caller looks for itself whether there is a sample.
+                // A signal may interrupt this; the caller checks whether there is a sample.
                 let _ = listener.try_wait(|_| {});
             }
         }
@@ -404,19 +427,19 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
     }
 
     fn follow(&mut self) -> Result<(), BusError> {
-        // What came by the slot leaves nothing to be done.
+        // The slot's sample is of the writer that is followed already.
         let Some(writer) = self.writer else { return Ok(()) };
         if self.followed == Some(writer) {
             return Ok(());
         }
-        let (place, known) = (&self.place, self.streamed.header());
+        let (session, known) = (&self.session, self.streamed.header());
         let open = || {
-            let name = place.slot_name::<S>(writer)?;
-            SlotReader::open(&place.node, &name, known)
+            let name = session.slot_name::<S>(writer)?;
+            SlotReader::open(&session.node, &name, known)
         };
-        // A writer that has none, or has gone, is heard through the stream; so is one for as long as somebody else
-        // is at the door.
-        if place.domain.replace(&mut self.slot, || open().ok()) {
+        // The stream delivers the samples of a writer that has no slot or is gone, and of any
+        // writer for as long as another process holds the lock.
+        if session.domain.try_replace(&mut self.slot, || open().ok()) {
             self.followed = Some(writer);
         }
         Ok(())
@@ -438,15 +461,12 @@ impl<S: Sample> Reader<S> for Iceoryx2Reader<S> {
     }
 }
 
-struct Iceoryx2Offer(Indoors<Publisher<ipc::Service, [u8], ()>>);
+struct Iceoryx2Offer(Locked<Publisher<ipc::Service, [u8], ()>>);
 
 impl Offering for Iceoryx2Offer {
     fn renew(&mut self, bytes: Vec<u8>) -> Result<(), BusError> {
         if bytes.len() > MAX_OFFER {
-            return Err(BusError::Settings(format!(
-                "the scenario is {} bytes long; shared memory takes up to {MAX_OFFER}",
-                bytes.len()
-            )));
+            return Err(SharedMemoryError::OfferTooLong { length: bytes.len() }.into());
         }
         let sample = self.0.loan_slice_uninit(bytes.len()).map_err(failure("scenario"))?;
         sample.write_from_slice(&bytes).send().map_err(failure("scenario"))?;
@@ -460,8 +480,8 @@ impl Offering for Iceoryx2Offer {
 
 /// Sleeps until the listener is notified, or for `patience`, to the microsecond.
 ///
-/// The listener's own timed wait counts in kernel ticks of some milliseconds, by which a sampling
-/// instant must not be missed.
+/// The listener's own timed wait counts in kernel ticks of some milliseconds, which would miss
+/// sampling instants.
 #[expect(unsafe_code, reason = "a listener has only a raw descriptor to lend")]
 fn wait_readable(listener: &Listener<ipc::Service>, patience: Duration) {
     // SAFETY: the descriptor belongs to the listener, which outlives this borrow and keeps it open.

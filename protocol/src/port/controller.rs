@@ -4,31 +4,32 @@ use std::time::{Duration, Instant};
 
 use mtj_model::scenario::Wait;
 
-use super::{Complaints, Offered, offer::Follower, presence::Presence};
+use super::{Offered, Rejections, offer::Follower, presence::Presence};
 use crate::{
+    admission::{Admission, AdmissionFilter, Rejection},
     bus::{self, Bus, BusError, Depth, Reader, Writer},
-    gate::{Fault, Gate, Verdict},
+    debug_by_name,
     member::Member,
     sample::{ErrorSample, Header, StateSample, TorqueSample},
 };
 
-/// How many states in a row may be older than the newest. No network reorders so many; the newest was
-/// none of the plant's, but damaged on its way.
+/// How many states in a row may be older than the newest. No network reorders more; so the newest
+/// was not the plant's, but damaged on its way.
 const STALE: u32 = 10;
-/// How long our own plant must be quiet before another run counts: a plant that was restarted says nothing under
-/// its old run, and what others say beside it is not for us.
+/// How long the plant must be silent before states of another run count: a plant that was restarted
+/// sends nothing more under its old run, and beside a living plant other runs are not for us.
 const QUIET: Duration = Duration::from_millis(20);
 
-/// What a controller hears: what there is to do about the [state at hand](ControllerPort::state).
+/// What a controller has to do about the [current state](ControllerPort::state).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Heard {
-    /// A state to answer.
-    State,
-    /// The state it has answered already, once more: the plant wants that answer again.
-    Again,
-    /// A state of another run, when none of our own came for a while: the plant may have been restarted.
+pub enum Received {
+    /// A new state: answer it.
+    New,
+    /// The state that was answered already: send that answer again.
+    Repeated,
+    /// A state of another run, while the plant of our run is silent: it may have been restarted.
     OtherRun,
-    /// States of our plant that are older than one that was none of its: time to begin anew.
+    /// Our plant's states are older than one that was not the plant's: begin anew.
     Misled,
 }
 
@@ -38,18 +39,20 @@ pub struct ControllerPort {
     torques: Box<dyn Writer<TorqueSample>>,
     errors: Box<dyn Writer<ErrorSample>>,
     presence: Presence,
-    /// The state at hand, if others came after it that say nothing beside it.
+    /// The current state, if the reader has advanced beyond it to states that do not count.
     kept: Option<StateSample>,
     newest: Option<Header>,
-    /// When a state of our run was dealt with last.
-    heard: Instant,
+    /// When a state of our run was handled last.
+    handled: Instant,
     scenario: Follower,
     wait: Wait,
-    gate: Gate,
+    filter: AdmissionFilter,
     stale: u32,
-    complaints: Complaints,
+    rejections: Rejections,
     id: u64,
 }
+
+debug_by_name!(ControllerPort);
 
 impl ControllerPort {
     /// Joins a bus for one run of the plant, as `member`.
@@ -66,21 +69,21 @@ impl ControllerPort {
             presence: Presence::open(bus, member)?,
             kept: None,
             newest: None,
-            heard: Instant::now(),
+            handled: Instant::now(),
             wait,
-            gate: Gate::new(offered.run).for_scenario(&offered.scenario),
+            filter: AdmissionFilter::new(offered.run).for_scenario(&offered.scenario),
             stale: 0,
-            scenario: Follower::knowing(offered),
-            complaints: Complaints::default(),
+            scenario: Follower::with(offered),
+            rejections: Rejections::default(),
             id: member.id,
         })
     }
 
-    /// Goes on to the newest acceptable state, waiting for one until `until`.
-    pub fn receive(&mut self, until: Instant) -> Result<Option<Heard>, BusError> {
+    /// Advances to the newest acceptable state; waits for one until `until`.
+    pub fn receive(&mut self, until: Instant) -> Result<Option<Received>, BusError> {
         while bus::receive(&mut *self.states, self.wait, until)? {
             self.kept = None;
-            let mut heard = self.judge();
+            let mut received = self.admit();
             // At most as many as can wait: a faster writer must not hold us for ever.
             for _ in 0..bus::RECENT_DEPTH {
                 if !self.states.has_more() {
@@ -90,93 +93,95 @@ impl ControllerPort {
                 if !self.states.advance()? {
                     break;
                 }
-                heard = match (self.judge(), heard) {
-                    // Somebody else's says nothing beside one of our plant's.
-                    (None | Some(Heard::OtherRun), Some(heard)) => {
+                received = match (self.admit(), received) {
+                    // A state of another run does not count beside one of our plant's.
+                    (None | Some(Received::OtherRun), Some(received)) => {
                         self.kept = Some(before);
-                        Some(heard)
+                        Some(received)
                     }
-                    (newer, heard) => {
+                    (newer, received) => {
                         self.kept = None;
-                        // What was not answered is not repeated.
+                        // A state that was not answered is not repeated.
                         let is_unanswered =
-                            (newer, heard) == (Some(Heard::Again), Some(Heard::State));
-                        if is_unanswered { heard } else { newer }
+                            (newer, received) == (Some(Received::Repeated), Some(Received::New));
+                        if is_unanswered { received } else { newer }
                     }
                 };
             }
-            match heard {
+            match received {
                 None if Instant::now() >= until => break,
                 None => {}
-                heard => return Ok(heard),
+                received => return Ok(received),
             }
         }
-        // A plant that pauses is no reason to be taken for dead.
+        // A controller stays present while its plant pauses.
         if let Some(header) = self.newest {
-            self.presence.tell(&header)?;
+            self.presence.publish(&header)?;
         }
         Ok(None)
     }
 
-    fn judge(&mut self) -> Option<Heard> {
+    fn admit(&mut self) -> Option<Received> {
         let state = self.states.sample();
-        match self.gate.judge(state) {
-            Verdict::Fresh => {
+        match self.filter.admit(state) {
+            Admission::Fresh => {
                 self.newest = Some(state.header);
                 self.stale = 0;
-                Some(Heard::State)
+                Some(Received::New)
             }
-            Verdict::Repeated => Some(Heard::Again),
-            Verdict::Refused(Fault::Run) if self.heard.elapsed() > QUIET => Some(Heard::OtherRun),
-            Verdict::Refused(fault) => {
-                self.complaints.once::<StateSample>(fault);
-                self.stale += u32::from(fault == Fault::Stale);
-                (self.stale > STALE).then_some(Heard::Misled)
+            Admission::Repeated => Some(Received::Repeated),
+            Admission::Rejected(Rejection::Run) if self.handled.elapsed() > QUIET => {
+                Some(Received::OtherRun)
+            }
+            Admission::Rejected(rejection) => {
+                self.rejections.warn::<StateSample>(rejection);
+                self.stale += u32::from(rejection == Rejection::Stale);
+                (self.stale > STALE).then_some(Received::Misled)
             }
         }
     }
 
-    /// The state at hand: what was heard last.
+    /// The current state: the one that was received last.
     pub fn state(&self) -> &StateSample {
         self.kept.as_ref().unwrap_or_else(|| self.states.sample())
     }
 
-    /// The scenario, if it was changed before the state at hand was measured and we have not got it yet. If it
-    /// cannot be had now, it will be asked for again a little later.
+    /// Returns the scenario of the current state, if it is newer than the one that we have. If it
+    /// cannot be fetched now, a later call tries again.
     pub fn newer_scenario(&mut self, bus: &impl Bus) -> Result<Option<Offered>, BusError> {
         let header = self.state().header;
         self.scenario.follow(bus, &header)
     }
 
-    /// Whether we are to answer the state at hand, rather than another controller we stand by for.
-    pub fn is_in_charge(&self) -> bool {
-        self.state().leader == self.id
+    /// Whether we lead, and so must answer the current state; otherwise we stand by.
+    pub fn is_leader(&self) -> bool {
+        self.state().leader() == Some(self.id)
     }
 
-    /// Answers a state, with our number filled in.
+    /// Sends the answer to a state; fills in our number.
     pub fn send(&mut self, torque: &mut TorqueSample) -> Result<(), BusError> {
         torque.controller = self.id;
         self.torques.expedite(torque)
     }
 
-    /// Tells monitors how the law saw the instant. Off the critical path: after [`Self::send`].
+    /// Publishes the tracking error as the law saw it. Off the critical path: after [`Self::send`].
     pub fn publish(&mut self, error: &ErrorSample) -> Result<(), BusError> {
         self.errors.write(error)
     }
 
-    /// Tells everybody what we sent, and that we are there. Off the critical path too; to be called after
-    /// each state.
-    pub fn tell(&mut self) -> Result<(), BusError> {
-        // Here rather than where it was heard: to read a clock takes a good part of what a law takes.
-        self.heard = Instant::now();
-        self.torques.settle()?;
+    /// Publishes the torque to all readers, and our presence. Off the critical path too; call it
+    /// after each state.
+    pub fn flush(&mut self) -> Result<(), BusError> {
+        // Here rather than on reception: to read a clock takes a good part of what a law takes.
+        self.handled = Instant::now();
+        self.torques.flush()?;
         self.states.follow()?;
         let header = self.state().header;
-        self.presence.tell(&header)
+        self.presence.publish(&header)
     }
 
-    /// State samples that were not acceptable, so far.
+    /// How many state samples were not acceptable.
     pub fn rejected(&self) -> u64 {
-        self.gate.refused() + self.states.malformed()
+        self.filter.rejected() + self.states.malformed()
     }
 }

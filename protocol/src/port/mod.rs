@@ -1,4 +1,4 @@
-//! What each role may say and hear on a bus.
+//! The ports: what each role may send and receive on a bus.
 
 mod bridge;
 mod controller;
@@ -18,31 +18,32 @@ use mtj_model::scenario::Scenario;
 
 pub use self::{
     bridge::{Bridge, Traffic},
-    controller::{ControllerPort, Heard},
+    controller::{ControllerPort, Received},
     monitor::{Message, MonitorPort},
     offer::{Offered, fetch_scenario},
     plant::PlantPort,
-    request::{REPEAT, RequestPort, UNANSWERED},
+    request::{REPEAT, RequestPort, Unanswered},
 };
 use crate::{
+    admission::Rejection,
     bus::BusError,
-    gate::Fault,
     sample::{ChangeSample, RequestSample, Sample, StateSample, StatusSample, TorqueSample},
+    warn_once::WarnOnce,
 };
 
-/// The two-way exchange that closes the loop, as the plant sees it.
+/// The exchange that closes the loop, as the plant sees it.
 pub trait Exchange {
-    /// Hands a state to the controller, with who is in charge filled in.
+    /// Sends a state to the controller; fills in the leader.
     fn send(&mut self, state: &mut StateSample) -> Result<(), BusError>;
-    /// Goes on to the controller's next answer, waiting for it until `until`.
+    /// Advances to the controller's next answer; waits for it until `until`.
     fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError>;
-    /// The answer that was gone on to last.
+    /// The answer that was received last.
     fn torque(&self) -> &TorqueSample;
-    /// Tells monitors how the run goes.
+    /// Publishes the status of the run.
     fn report(&mut self, status: &StatusSample) -> Result<(), BusError>;
-    /// Torque samples that were not acceptable, so far.
+    /// How many torque samples were not acceptable.
     fn rejected(&self) -> u64;
-    /// How often another controller took charge.
+    /// How often the leader changed.
     fn takeovers(&self) -> u64 {
         0
     }
@@ -50,38 +51,35 @@ pub trait Exchange {
     fn request(&mut self) -> Result<Option<RequestSample>, BusError> {
         Ok(None)
     }
-    /// Tells everybody what became of a request.
+    /// Publishes the answer to a request.
     fn announce(&mut self, _change: &ChangeSample) -> Result<(), BusError> {
         Ok(())
     }
-    /// Offers a scenario that was changed.
+    /// Offers a changed scenario.
     fn renew(&mut self, _scenario: &Scenario, _revision: u32) -> Result<(), BusError> {
         Ok(())
     }
 }
 
-/// What a controller's answer to a state is.
+/// A controller's answer to a state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
     /// A torque that may act on the arm.
     Torque,
-    /// A torque that must not, because it is not finite.
+    /// A torque that must not act, because it is not finite.
     NotFinite,
 }
 
-/// Says what is wrong with the samples of others, once for each kind of fault.
-#[derive(Default)]
-struct Complaints(Vec<Discriminant<Fault>>);
+/// The warnings about rejected samples: one for each reason.
+#[derive(Debug, Default)]
+struct Rejections(WarnOnce<Discriminant<Rejection>>);
 
-impl Complaints {
-    fn once<S: Sample>(&mut self, fault: Fault) {
-        let kind = mem::discriminant(&fault);
-        if !self.0.contains(&kind) {
-            self.0.push(kind);
-            eprintln!(
-                "mtj: ignoring a {} sample: {} (said once, counted always)",
-                S::TOPIC,
-                fault.sentence()
+impl Rejections {
+    fn warn<S: Sample>(&mut self, rejection: Rejection) {
+        if self.0.first(mem::discriminant(&rejection)) {
+            tracing::warn!(
+                "ignoring a {} sample: {rejection} (said once, counted always)",
+                S::TOPIC
             );
         }
     }

@@ -4,20 +4,21 @@ use std::sync::Arc;
 
 use mtj_model::scenario::Wait;
 
-use super::{Complaints, Offered, offer::Follower};
+use super::{Offered, Rejections, offer::Follower};
 use crate::{
+    admission,
     bus::{self, Bus, BusError, Depth, Reader},
-    gate,
+    debug_by_name,
     sample::{
         ChangeSample, ErrorSample, PresenceSample, RequestSample, Sample, StateSample,
         StatusSample, TorqueSample,
     },
 };
 
-/// Anything that is said in a session.
+/// Any message of a session.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Message {
-    /// The scenario of a run, or one that was changed; comes before the samples it is about.
+    /// The scenario of a run, as offered or changed; comes before the samples it is about.
     Scenario(Arc<Offered>),
     /// Plant to controller.
     State(StateSample),
@@ -27,11 +28,11 @@ pub enum Message {
     Error(ErrorSample),
     /// Plant to monitors.
     Status(StatusSample),
-    /// Anybody to plant.
+    /// Operator to plant.
     Request(RequestSample),
-    /// Plant to everybody.
+    /// Plant to all.
     Change(ChangeSample),
-    /// A role to everybody.
+    /// Any role to monitors.
     Presence(PresenceSample),
 }
 
@@ -45,12 +46,14 @@ pub struct MonitorPort {
     changes: Box<dyn Reader<ChangeSample>>,
     presences: Box<dyn Reader<PresenceSample>>,
     scenario: Follower,
-    complaints: Complaints,
-    refused: u64,
+    rejections: Rejections,
+    rejected: u64,
 }
 
+debug_by_name!(MonitorPort);
+
 impl MonitorPort {
-    /// Joins a bus to listen.
+    /// Joins a bus.
     pub fn open(bus: &impl Bus) -> Result<Self, BusError> {
         let wait = Wait::Block;
         Ok(Self {
@@ -61,40 +64,40 @@ impl MonitorPort {
             requests: bus.reader(Depth::Stream, wait)?,
             changes: bus.reader(Depth::Stream, wait)?,
             presences: bus.reader(Depth::Stream, wait)?,
-            scenario: Follower::ready(bus)?,
-            complaints: Complaints::default(),
-            refused: 0,
+            scenario: Follower::subscribe(bus)?,
+            rejections: Rejections::default(),
+            rejected: 0,
         })
     }
 
-    /// Hands over all that was said on `bus` since the last call, topic by topic, each in its order.
+    /// Hands over all messages since the last call, topic by topic, each in its order.
     pub fn drain(&mut self, bus: &impl Bus, hear: &mut dyn FnMut(Message)) -> Result<(), BusError> {
-        let Self { scenario, complaints, refused, .. } = self;
-        let mut judge = Judge { complaints, refused };
-        judge.drain(&mut *self.states, &mut |sample| {
+        let Self { scenario, rejections, rejected, .. } = self;
+        let mut check = Check { rejections, rejected };
+        check.drain(&mut *self.states, &mut |sample| {
             if let Some(offered) = scenario.follow(bus, &sample.header)? {
                 hear(Message::Scenario(Arc::new(offered)));
             }
             hear(Message::State(sample));
             Ok(())
         })?;
-        judge.pass_on(&mut *self.torques, Message::Torque, hear)?;
-        judge.pass_on(&mut *self.errors, Message::Error, hear)?;
-        judge.drain(&mut *self.statuses, &mut |sample| {
+        check.pass_on(&mut *self.torques, Message::Torque, hear)?;
+        check.pass_on(&mut *self.errors, Message::Error, hear)?;
+        check.drain(&mut *self.statuses, &mut |sample| {
             if let Some(offered) = scenario.follow(bus, &sample.header)? {
                 hear(Message::Scenario(Arc::new(offered)));
             }
             hear(Message::Status(sample));
             Ok(())
         })?;
-        judge.pass_on(&mut *self.requests, Message::Request, hear)?;
-        judge.pass_on(&mut *self.changes, Message::Change, hear)?;
-        judge.pass_on(&mut *self.presences, Message::Presence, hear)
+        check.pass_on(&mut *self.requests, Message::Request, hear)?;
+        check.pass_on(&mut *self.changes, Message::Change, hear)?;
+        check.pass_on(&mut *self.presences, Message::Presence, hear)
     }
 
-    /// Messages that were not acceptable, so far.
+    /// How many messages were not acceptable.
     pub fn rejected(&self) -> u64 {
-        self.refused
+        self.rejected
             + self.states.malformed()
             + self.torques.malformed()
             + self.errors.malformed()
@@ -105,12 +108,13 @@ impl MonitorPort {
     }
 }
 
-struct Judge<'a> {
-    complaints: &'a mut Complaints,
-    refused: &'a mut u64,
+/// Checks samples, and counts those that are not acceptable.
+struct Check<'a> {
+    rejections: &'a mut Rejections,
+    rejected: &'a mut u64,
 }
 
-impl Judge<'_> {
+impl Check<'_> {
     fn pass_on<S: Sample>(
         &mut self,
         reader: &mut dyn Reader<S>,
@@ -131,11 +135,11 @@ impl Judge<'_> {
         // A writer that is faster than this reader must not hold it for ever.
         for _ in 0..bus::STREAM_DEPTH {
             let Some(sample) = reader.take()? else { break };
-            match gate::fault(&sample) {
-                None => hear(sample)?,
-                Some(fault) => {
-                    *self.refused += 1;
-                    self.complaints.once::<S>(fault);
+            match admission::check(&sample) {
+                Ok(()) => hear(sample)?,
+                Err(rejection) => {
+                    *self.rejected += 1;
+                    self.rejections.warn::<S>(rejection);
                 }
             }
         }

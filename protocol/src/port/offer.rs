@@ -1,14 +1,15 @@
-//! The scenario, as a plant offers it.
+//! The scenario that a plant offers to the other roles.
 
 use std::time::{Duration, Instant};
 
-use mtj_model::scenario::Scenario;
+use mtj_model::scenario::{Scenario, ScenarioError};
 
 use crate::{
+    admission::Rejection,
     bus::{Bus, BusError},
     codec::{self, Offer},
-    gate::Fault,
     sample::{Header, VERSION},
+    warn_once::WarnOnce,
 };
 
 /// A scenario with the run it belongs to.
@@ -18,85 +19,104 @@ pub struct Offered {
     pub run: u64,
     /// How often the scenario was changed in this run.
     pub revision: u32,
-    /// As it is by now.
+    /// The scenario with all changes.
     pub scenario: Scenario,
 }
 
-/// How long to wait before asking for a scenario again that was not there.
-const PATIENCE: Duration = Duration::from_millis(10);
+/// Why an offer cannot be used.
+#[derive(Debug, thiserror::Error)]
+enum OfferError {
+    /// The plant has another protocol version.
+    #[error("ignoring the plant's scenario: {}", Rejection::Version(*.0))]
+    Version(u32),
+    #[error("ignoring a scenario that could not be decoded")]
+    Malformed,
+    #[error("ignoring the plant's scenario: {0}")]
+    Scenario(#[from] ScenarioError),
+}
 
-/// Fetches the scenario whenever the plant's samples tell of another one.
-#[derive(Default)]
+/// How long to wait before a scenario that was not there is fetched again.
+const RETRY: Duration = Duration::from_millis(10);
+/// How long to look for a plant before telling the user that there is none.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// How often to look for a plant.
+const POLL: Duration = Duration::from_millis(5);
+
+/// Fetches the scenario whenever the plant's samples carry a newer run or revision.
+#[derive(Debug, Default)]
 pub(super) struct Follower {
+    /// Run and revision.
     known: Option<(u64, u32)>,
-    asked: Option<Instant>,
+    tried: Option<Instant>,
 }
 
 impl Follower {
-    /// One that has no scenario yet, but is ready to get one: where an offer is sent to those who listen, it
-    /// comes to those who have asked before.
-    pub fn ready(bus: &impl Bus) -> Result<Self, BusError> {
+    /// A follower without a scenario. It fetches once, because some buses deliver an offer only to
+    /// processes that have asked before.
+    pub(super) fn subscribe(bus: &impl Bus) -> Result<Self, BusError> {
         bus.fetch()?;
         Ok(Self::default())
     }
 
-    /// One that has a scenario already.
-    pub fn knowing(offered: &Offered) -> Self {
-        Self { known: Some((offered.run, offered.revision)), asked: None }
+    /// A follower that has a scenario already.
+    pub(super) fn with(offered: &Offered) -> Self {
+        Self { known: Some((offered.run, offered.revision)), tried: None }
     }
 
-    /// The scenario that a sample of the plant's is about, if it is not known yet.
-    pub fn follow(&mut self, bus: &impl Bus, header: &Header) -> Result<Option<Offered>, BusError> {
+    /// Returns the scenario of a sample of the plant's, if it is not known yet.
+    pub(super) fn follow(
+        &mut self,
+        bus: &impl Bus,
+        header: &Header,
+    ) -> Result<Option<Offered>, BusError> {
         let is_known = self
             .known
             .is_some_and(|(run, revision)| header.run == run && header.revision <= revision);
-        if is_known || self.asked.is_some_and(|asked| asked.elapsed() < PATIENCE) {
+        if is_known || self.tried.is_some_and(|tried| tried.elapsed() < RETRY) {
             return Ok(None);
         }
         match fetch(bus)? {
             Some(Ok(offered))
                 if offered.run == header.run && offered.revision >= header.revision =>
             {
-                *self = Self::knowing(&offered);
+                *self = Self::with(&offered);
                 Ok(Some(offered))
             }
-            // Another run's, which a straggler is about, or none that can be used.
+            // The sample is a late one of another run, or the offer cannot be used.
             _ => {
-                self.asked = Some(Instant::now());
+                self.tried = Some(Instant::now());
                 Ok(None)
             }
         }
     }
 }
 
-/// Fetches the scenario that a plant offers, waiting for one as long as `proceed` says so; `None`
-/// when it no longer does.
+/// Waits for the scenario that a plant offers, for as long as `proceed` returns true; `None` when
+/// it no longer does.
 pub fn fetch_scenario(
     bus: &impl Bus,
     proceed: &dyn Fn() -> bool,
 ) -> Result<Option<Offered>, BusError> {
-    let mut has_complained = false;
+    let mut told = WarnOnce::new();
     let started = Instant::now();
-    let mut is_waiting = false;
     while proceed() {
-        if !is_waiting && !has_complained && started.elapsed() > Duration::from_secs(2) {
-            is_waiting = true;
-            eprintln!("mtj: there is no plant in this session yet; waiting for one");
-        }
         match fetch(bus)? {
-            Some(Ok(found)) => return Ok(Some(found)),
-            Some(Err(sentence)) if !has_complained => {
-                eprintln!("mtj: {sentence}");
-                has_complained = true;
+            Some(Ok(offered)) => return Ok(Some(offered)),
+            Some(Err(error)) if told.first("unusable") => tracing::warn!("{error}"),
+            None if started.elapsed() > PATIENCE
+                && told.count(&"unusable") == 0
+                && told.first("waiting") =>
+            {
+                tracing::info!("there is no plant in this session yet; waiting for one");
             }
             _ => {}
         }
-        std::thread::sleep(Duration::from_millis(5));
+        std::thread::sleep(POLL);
     }
     Ok(None)
 }
 
-/// An offer as it travels.
+/// Encodes an offer.
 pub(super) fn encode(scenario: &Scenario, run: u64, revision: u32) -> Vec<u8> {
     codec::encode_offer(&Offer {
         version: VERSION,
@@ -107,21 +127,19 @@ pub(super) fn encode(scenario: &Scenario, run: u64, revision: u32) -> Vec<u8> {
     })
 }
 
-/// What a plant offers now; the reason, if that cannot be used.
-fn fetch(bus: &impl Bus) -> Result<Option<Result<Offered, String>>, BusError> {
-    Ok(bus.fetch()?.map(|bytes| accept(&bytes)))
+/// Fetches and decodes what a plant offers now.
+fn fetch(bus: &impl Bus) -> Result<Option<Result<Offered, OfferError>>, BusError> {
+    Ok(bus.fetch()?.map(|bytes| decode(&bytes)))
 }
 
-fn accept(bytes: &[u8]) -> Result<Offered, String> {
+fn decode(bytes: &[u8]) -> Result<Offered, OfferError> {
     let offer = codec::decode_offer(bytes);
-    // Another version may have laid out its offer in another way, too.
+    // Another version may have another layout of offers, too.
     let version = offer.as_ref().map(|offer| offer.version).or_else(|| codec::version_of(bytes));
     if let Some(other) = version.filter(|version| *version != VERSION) {
-        let sentence = Fault::Version(other).sentence();
-        return Err(format!("ignoring the plant's scenario: {sentence}"));
+        return Err(OfferError::Version(other));
     }
-    let offer = offer.ok_or("ignoring a scenario that could not be decoded")?;
-    let scenario = Scenario::parse(&offer.name, &offer.text, &[])
-        .map_err(|error| format!("ignoring the plant's scenario: {error}"))?;
+    let offer = offer.ok_or(OfferError::Malformed)?;
+    let scenario = Scenario::parse(&offer.name, &offer.text, &[])?;
     Ok(Offered { run: offer.run, revision: offer.revision, scenario })
 }

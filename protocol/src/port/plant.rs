@@ -4,15 +4,17 @@ use std::time::Instant;
 
 use mtj_model::scenario::{Scenario, Wait};
 
-use super::{Answer, Complaints, Exchange, lease::Lease, offer::encode, presence::Presence};
+use super::{Answer, Exchange, Rejections, lease::Lease, offer::encode, presence::Presence};
 use crate::{
+    admission::{self, Admission, AdmissionFilter, Rejection},
     bus::{self, Bus, BusError, Depth, Offering, Reader, Writer},
-    gate::{self, Fault, Gate, Verdict},
+    debug_by_name,
     member::{Member, Role},
     sample::{ChangeSample, RequestSample, StateSample, StatusSample, TorqueSample},
 };
 
-/// The plant's end: writes states, status and changes, reads torques and requests, offers the scenario.
+/// The plant's end: writes states, status and changes, reads torques and requests, offers the
+/// scenario.
 pub struct PlantPort {
     states: Box<dyn Writer<StateSample>>,
     statuses: Box<dyn Writer<StatusSample>>,
@@ -23,14 +25,16 @@ pub struct PlantPort {
     offering: Box<dyn Offering>,
     wait: Wait,
     run: u64,
-    gate: Gate,
+    filter: AdmissionFilter,
     lease: Lease,
-    asked: Asked,
-    complaints: Complaints,
+    sent: Sent,
+    rejections: Rejections,
 }
 
+debug_by_name!(PlantPort);
+
 impl PlantPort {
-    /// Joins a bus with a scenario under a fresh run id.
+    /// Joins a bus with a scenario, under a fresh run id.
     pub fn open(bus: &impl Bus, scenario: &Scenario, run: u64) -> Result<Self, BusError> {
         let wait = scenario.bus.wait;
         Ok(Self {
@@ -43,62 +47,64 @@ impl PlantPort {
             offering: bus.offer(encode(scenario, run, 0))?,
             wait,
             run,
-            gate: Gate::new(run).for_scenario(scenario),
+            filter: AdmissionFilter::new(run).for_scenario(scenario),
             lease: Lease::new(scenario.safety.lease, bus.attendance()?),
-            asked: Asked::default(),
-            complaints: Complaints::default(),
+            sent: Sent::default(),
+            rejections: Rejections::default(),
         })
     }
 
     /// Begins another run on the same bus.
     pub fn restart(&mut self, scenario: &Scenario, run: u64) -> Result<(), BusError> {
         self.run = run;
-        self.gate = Gate::new(run).for_scenario(scenario);
-        self.asked = Asked::default();
+        self.filter = AdmissionFilter::new(run).for_scenario(scenario);
+        self.sent = Sent::default();
         self.lease.restart();
         self.renew(scenario, 0)
     }
 
-    /// Whether a torque may pass: the gate knows samples, we know what was asked, and whom.
-    fn judge(&mut self) -> Verdict {
+    /// Admits the current torque: the filter checks the sample, the port that its leader answers a
+    /// state.
+    fn admit(&mut self) -> Admission {
         let torque = self.torques.sample();
-        let (asked, lease) = (self.asked.state.header.sequence, &self.lease);
-        let verdict = self.gate.judge_if(torque, |torque| match torque.header.sequence > asked {
-            true => Some(Fault::Unasked),
-            false => (!lease.allows(torque.controller)).then_some(Fault::NotInCharge),
-        });
-        match verdict {
-            Verdict::Fresh => {
-                self.lease.answered(torque.controller);
-                self.asked.answers = 1;
+        let (asked, lease) = (self.sent.state.header.sequence, &self.lease);
+        let admission =
+            self.filter.admit_if(torque, |torque| match torque.header.sequence > asked {
+                true => Some(Rejection::Unasked),
+                false => (!lease.allows(torque.controller)).then_some(Rejection::NotLeader),
+            });
+        match admission {
+            Admission::Fresh => {
+                self.lease.renew(torque.controller);
+                self.sent.answers = 1;
             }
-            Verdict::Repeated => {
-                self.asked.answers += 1;
-                if torque.header.sequence < self.asked.state.header.sequence
-                    || self.asked.answers > self.asked.times
+            Admission::Repeated => {
+                self.sent.answers += 1;
+                if torque.header.sequence < self.sent.state.header.sequence
+                    || self.sent.answers > self.sent.times
                 {
-                    return self.gate.refuse(Fault::Duplicate);
+                    return self.filter.reject(Rejection::Duplicate);
                 }
             }
-            Verdict::Refused(_) => {}
+            Admission::Rejected(_) => {}
         }
-        verdict
+        admission
     }
 
-    /// Goes on to the next answer that may pass, waiting for it until `until`.
+    /// Advances to the next admissible answer; waits for it until `until`.
     fn listen(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
         while bus::receive(&mut *self.torques, self.wait, until)? {
-            match self.judge() {
-                Verdict::Fresh => return Ok(Some(Answer::Torque)),
-                Verdict::Repeated => {}
-                Verdict::Refused(fault) => {
-                    self.complaints.once::<TorqueSample>(fault);
-                    if fault == Fault::NotFinite {
+            match self.admit() {
+                Admission::Fresh => return Ok(Some(Answer::Torque)),
+                Admission::Repeated => {}
+                Admission::Rejected(rejection) => {
+                    self.rejections.warn::<TorqueSample>(rejection);
+                    if rejection == Rejection::NotFinite {
                         return Ok(Some(Answer::NotFinite));
                     }
                 }
             }
-            // A writer that is faster than we listen must not hold us for ever.
+            // A writer that is faster than this reader must not hold us for ever.
             if Instant::now() >= until {
                 break;
             }
@@ -107,41 +113,42 @@ impl PlantPort {
     }
 }
 
-/// What the controller was asked last.
+/// The state that was sent last.
 #[derive(Default)]
-struct Asked {
+struct Sent {
     state: StateSample,
-    /// How often: a state is repeated as long as nobody answers it.
+    /// How often it was sent: a state is repeated until a controller answers it.
     times: u64,
     answers: u64,
 }
 
 impl Exchange for PlantPort {
     fn send(&mut self, state: &mut StateSample) -> Result<(), BusError> {
-        state.leader = self.lease.decide()?;
+        state.leader = self.lease.decide()?.unwrap_or(0);
         self.states.expedite(state)?;
-        // From here on it is on its way, and its answer takes longer than this.
-        self.lease.asked(Instant::now());
+        // From here on the state is on its way, and its answer takes longer than this.
+        self.lease.sent(Instant::now());
         let is_again =
-            self.asked.times > 0 && self.asked.state.header.sequence == state.header.sequence;
+            self.sent.times > 0 && self.sent.state.header.sequence == state.header.sequence;
         let (times, answers) =
-            if is_again { (self.asked.times + 1, self.asked.answers) } else { (1, 0) };
-        self.asked = Asked { state: *state, times, answers };
+            if is_again { (self.sent.times + 1, self.sent.answers) } else { (1, 0) };
+        self.sent = Sent { state: *state, times, answers };
         Ok(())
     }
 
     fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
-        // As long as the controller that answered before may answer now, there is nothing to do but wait; unless
-        // it follows nobody, as a program that knows only the stream.
+        // While the leader that answered before may still answer, only wait. A leader that does not
+        // follow our states, such as a program that reads only the stream, needs the flush below
+        // first.
         let is_close = self.torques.follows() && self.lease.is_proven();
-        if self.asked.answers == 0
+        if self.sent.answers == 0
             && let Some(lapse) = self.lease.lapse().filter(|_| is_close)
             && let Some(answer) = self.listen(lapse.min(until))?
         {
             return Ok(Some(answer));
         }
-        // Now monitors have their turn, and those who do not follow us yet.
-        self.states.settle()?;
+        // Now the state goes to monitors, and to controllers that do not follow us yet.
+        self.states.flush()?;
         self.torques.follow()?;
         loop {
             let lapse = self.lease.lapse().filter(|lapse| *lapse < until);
@@ -151,10 +158,10 @@ impl Exchange for PlantPort {
             if Instant::now() >= until {
                 return Ok(None);
             }
-            // A controller that takes over need not wait for the next sample.
+            // A new leader need not wait for the next sample.
             let before = self.lease.leader();
             if lapse.is_some() && self.lease.decide()? != before {
-                let mut state = self.asked.state;
+                let mut state = self.sent.state;
                 self.send(&mut state)?;
             }
         }
@@ -166,17 +173,17 @@ impl Exchange for PlantPort {
 
     fn report(&mut self, status: &StatusSample) -> Result<(), BusError> {
         self.offering.serve()?;
-        self.presence.tell(&status.header)?;
+        self.presence.publish(&status.header)?;
         self.statuses.write(status)
     }
 
     fn request(&mut self) -> Result<Option<RequestSample>, BusError> {
         for _ in 0..bus::STREAM_DEPTH {
             let Some(request) = self.requests.take()? else { break };
-            match gate::fault(&request) {
-                None if request.header.run == self.run => return Ok(Some(request)),
-                None => self.complaints.once::<RequestSample>(Fault::Run),
-                Some(fault) => self.complaints.once::<RequestSample>(fault),
+            match admission::check(&request) {
+                Ok(()) if request.header.run == self.run => return Ok(Some(request)),
+                Ok(()) => self.rejections.warn::<RequestSample>(Rejection::Run),
+                Err(rejection) => self.rejections.warn::<RequestSample>(rejection),
             }
         }
         Ok(None)
@@ -196,6 +203,6 @@ impl Exchange for PlantPort {
     }
 
     fn rejected(&self) -> u64 {
-        self.gate.refused() + self.torques.malformed()
+        self.filter.rejected() + self.torques.malformed()
     }
 }

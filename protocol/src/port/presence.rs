@@ -1,4 +1,4 @@
-//! Who takes part.
+//! The presence of a role in a session.
 
 use std::{
     any::Any,
@@ -11,12 +11,12 @@ use crate::{
     sample::{Header, PresenceSample, text},
 };
 
-/// How often a role says that it is there.
+/// How often a role publishes its presence.
 const PERIOD: Duration = Duration::from_secs(1);
 
-/// Makes it known that a member takes part: announced on the bus, and said once a second, since when and
-/// where, for monitors.
-pub struct Presence {
+/// A member's announcement on the bus, and the presence sample that tells monitors its process and
+/// machine.
+pub(super) struct Presence {
     writer: Box<dyn Writer<PresenceSample>>,
     sample: PresenceSample,
     next: Instant,
@@ -24,7 +24,8 @@ pub struct Presence {
 }
 
 impl Presence {
-    pub fn open(bus: &impl Bus, member: &Member) -> Result<Self, BusError> {
+    /// Announces a member.
+    pub(super) fn open(bus: &impl Bus, member: &Member) -> Result<Self, BusError> {
         let host = nix::unistd::gethostname().unwrap_or_default();
         let sample = PresenceSample {
             header: Header::default(),
@@ -39,8 +40,9 @@ impl Presence {
         Ok(Self { writer: bus.writer()?, sample, next: Instant::now(), _announcement })
     }
 
-    /// To be called often; `header` is of the instant the role last dealt with.
-    pub fn tell(&mut self, header: &Header) -> Result<(), BusError> {
+    /// Publishes the presence if a period is over; `header` is of the instant that the role handled
+    /// last.
+    pub(super) fn publish(&mut self, header: &Header) -> Result<(), BusError> {
         if Instant::now() < self.next {
             return Ok(());
         }

@@ -3,28 +3,30 @@
 use mtj_model::scenario::BusSettings;
 use zenoh::Config;
 
-use super::{access, credentials::Credentials, exposure, in_one_line, recovery};
-use crate::{bus::BusError, member::Role};
+use super::{ZenohError, access, credentials::Credentials, exposure, recovery};
+use crate::member::Role;
 
-/// How many samples may wait for Zenoh's sending thread before one is dropped: the most that Zenoh
-/// allows. Its default of 2 loses samples of a monitor's stream at 1 kHz whenever the thread gets no
-/// core for some milliseconds; the loop reads the newest anyway.
+/// How many samples may wait for Zenoh's sending thread before one is dropped: Zenoh's maximum.
+///
+/// Its default of 2 loses samples of a monitor's stream at 1 kHz whenever the thread gets no core
+/// for some milliseconds; the loop reads the newest anyway.
 const QUEUE: usize = 16;
 
-/// How long a patient writer waits for room, µs: what a machine may withhold from Zenoh's sending thread.
+/// How long a bridge's writer waits for room, µs: for as long a machine may keep Zenoh's sending
+/// thread from a core.
 const PATIENCE_US: &str = "200000";
 
-/// The session's configuration: the user's file if there is one, ours over it where it speaks of
-/// what the user said on the command line or in the scenario.
-pub(super) fn configure(settings: &BusSettings, role: Role) -> Result<Config, BusError> {
+/// The session's configuration: the user's file if there is one, overridden by the settings of the
+/// command line and the scenario.
+pub(super) fn configure(settings: &BusSettings, role: Role) -> Result<Config, ZenohError> {
     let mut config = match &settings.config {
         None => Config::default(),
-        Some(path) => Config::from_file(path).map_err(|error| {
-            let reason = in_one_line(&error);
-            BusError::Settings(format!("{}: not a Zenoh configuration ({reason})", path.display()))
-        })?,
+        Some(path) => Config::from_file(path)
+            .map_err(|source| ZenohError::ConfigurationFile { path: path.clone(), source })?,
     };
-    let mut set = |key: &str, value: String| config.insert_json5(key, &value).map_err(refusal);
+    let mut set = |key: &str, value: String| {
+        config.insert_json5(key, &value).map_err(ZenohError::Configuration)
+    };
     let ours = settings.config.is_none();
     let listens = listens(settings, role);
     if ours || settings.scouting.is_some() {
@@ -32,7 +34,7 @@ pub(super) fn configure(settings: &BusSettings, role: Role) -> Result<Config, Bu
         set("scouting/multicast/enabled", scouting.to_string())?;
     }
     if ours {
-        // Nobody needs to know of anybody but the plant, and nobody listens but where told.
+        // A role needs to know only the plant, and listens only where it is told.
         set("scouting/gossip/enabled", "false".to_owned())?;
         set("mode", if listens { "\"peer\"" } else { "\"client\"" }.to_owned())?;
         set("listen/endpoints", "[]".to_owned())?;
@@ -57,34 +59,31 @@ pub(super) fn configure(settings: &BusSettings, role: Role) -> Result<Config, Bu
         for (key, value) in credentials.tls() {
             set(&key, value)?;
         }
-        // Whatever else is found on the way, by scouting or gossip, is not spoken to.
+        // Peers without TLS, found by scouting or gossip, are not connected to.
         set("transport/link/protocols", r#"["tls", "quic"]"#.to_owned())?;
         if role == Role::Plant {
-            set("access_control", access::rules(&settings.session).map_err(refusal)?)?;
+            let rules = access::rules(&settings.session).map_err(ZenohError::Configuration)?;
+            set("access_control", rules)?;
         }
     }
     exposure::check(&config, settings)?;
     Ok(config)
 }
 
-/// Rather waits a moment than drops a sample: nobody waits for the one who writes it. A peer that takes
-/// nothing more holds up the others once, and is then passed over until it does.
-pub(super) fn be_patient(config: &mut Config) -> Result<(), BusError> {
+/// Makes a writer wait a moment rather than drop a sample. A peer that accepts nothing more delays
+/// the others once, and is then skipped until it accepts samples again.
+pub(super) fn wait_before_drop(config: &mut Config) -> Result<(), ZenohError> {
     let key = "transport/link/tx/queue/congestion_control/drop/wait_before_drop";
-    config.insert_json5(key, PATIENCE_US).map_err(refusal)
+    config.insert_json5(key, PATIENCE_US).map_err(ZenohError::Configuration)
 }
 
-/// Whether a role waits for others to connect: a plant does, unless it is told of a router to connect to
-/// and of nowhere to listen.
+/// Whether a role listens: a plant does, unless it has a router to connect to and no endpoint to
+/// listen on.
 pub(super) fn listens(settings: &BusSettings, role: Role) -> bool {
     role == Role::Plant && (settings.listen.is_some() || settings.connect.is_none())
 }
 
-fn refusal(error: zenoh::Error) -> BusError {
-    BusError::Settings(format!("the Zenoh configuration: {}", in_one_line(&error)))
-}
-
-/// Whether any link of a session may be one of TLS.
+/// Whether any link of a session may use TLS.
 pub(super) fn has_tls(config: &Config) -> bool {
     ["listen/endpoints", "connect/endpoints"]
         .iter()

@@ -1,59 +1,57 @@
-//! The files by which a role proves who it is, and the TLS that they make.
+//! The certificates and the key of a role, and the TLS settings made of them.
 
 use std::path::{Path, PathBuf};
 
 use mtj_model::scenario::BusSettings;
 
-use crate::{
-    bus::BusError,
-    certificate::{Certificate, Fault},
-    member::Role,
-};
+use super::ZenohError;
+use crate::{certificate::Certificate, member::Role};
 
-/// The authority that a role trusts, and what it shows others.
-pub struct Credentials {
+/// The authority that a role trusts, and the certificate and key that it presents.
+pub(super) struct Credentials {
+    directory: PathBuf,
     authority: PathBuf,
     certificate: PathBuf,
     key: PathBuf,
 }
 
 impl Credentials {
-    /// Those of a role, if the settings name any. What is wrong with them is said as far as it can be
-    /// known without a peer.
-    pub fn of(settings: &BusSettings, role: Role) -> Result<Option<Self>, BusError> {
+    /// The credentials of a role, if the settings name any; checked as far as that is possible
+    /// without a peer.
+    pub(super) fn of(settings: &BusSettings, role: Role) -> Result<Option<Self>, ZenohError> {
         let Some(directory) = &settings.certs else { return Ok(None) };
         let name = settings.identity.as_deref().unwrap_or(role.name());
         let credentials = Self {
+            directory: directory.clone(),
             authority: directory.join("ca.pem"),
             certificate: directory.join(format!("{name}.pem")),
             key: directory.join(format!("{name}.key")),
         };
-        credentials.check().map_err(|(path, fault)| {
-            BusError::Settings(format!(
-                "{} {fault}; 'mtj certs' makes what belongs into {}",
-                path.display(),
-                directory.display()
-            ))
-        })?;
+        credentials.check()?;
         Ok(Some(credentials))
     }
 
-    fn check(&self) -> Result<(), (&Path, String)> {
-        fn at(path: &Path, fault: Fault) -> (&Path, String) {
-            (path, fault.to_string())
+    fn check(&self) -> Result<(), ZenohError> {
+        let at = |file: &Path| {
+            let (file, directory) = (file.to_owned(), self.directory.clone());
+            |source| ZenohError::Credentials { file, directory, source }
+        };
+        let Self { directory, authority, certificate, key } = self;
+        Certificate::read(authority).map_err(at(authority))?;
+        let own = Certificate::read(certificate).map_err(at(certificate))?;
+        if own.is_foreign_to(key).map_err(at(key))? {
+            return Err(ZenohError::ForeignKey {
+                key: key.clone(),
+                certificate: certificate.clone(),
+                directory: directory.clone(),
+            });
         }
-        let Self { authority, certificate, key } = self;
-        Certificate::read(authority).map_err(|fault| at(authority, fault))?;
-        let own = Certificate::read(certificate).map_err(|fault| at(certificate, fault))?;
-        match own.is_foreign_to(key).map_err(|fault| at(key, fault))? {
-            true => Err((key, format!("does not belong to {}", certificate.display()))),
-            false => Ok(()),
-        }
+        Ok(())
     }
 
-    /// Keys of a Zenoh configuration and their values: each end proves itself to the other, and a link
-    /// ends when a certificate does.
-    pub fn tls(&self) -> Vec<(String, String)> {
+    /// The keys of a Zenoh configuration and their values: mutual TLS, on links that end when a
+    /// certificate expires.
+    pub(super) fn tls(&self) -> Vec<(String, String)> {
         let path = |path: &Path| format!("{:?}", path.display().to_string());
         let (certificate, key) = (path(&self.certificate), path(&self.key));
         let settings = [

@@ -1,4 +1,4 @@
-//! Where a session listens, and whether that needs proof of who connects.
+//! The check that a session does not listen to anybody on the network by accident.
 
 use std::net::IpAddr;
 
@@ -6,13 +6,13 @@ use mtj_model::scenario::BusSettings;
 use serde_json::Value;
 use zenoh::{Config, config::EndPoint};
 
-use crate::bus::BusError;
+use super::ZenohError;
 
-/// Refuses to listen beyond this machine to peers that need not prove who they are, unless told to.
+/// Refuses to listen beyond this machine without mutual TLS, unless the settings say `insecure`.
 ///
-/// Looks at what is in effect, whether it comes from the command line, a scenario, a configuration file or
-/// Zenoh's own defaults. Of the ways to prove oneself this program is built with one, certificates.
-pub fn check(config: &Config, settings: &BusSettings) -> Result<(), BusError> {
+/// Checks the configuration in effect, whether it comes from the command line, a scenario, a
+/// configuration file or Zenoh's own defaults.
+pub(super) fn check(config: &Config, settings: &BusSettings) -> Result<(), ZenohError> {
     if settings.insecure {
         return Ok(());
     }
@@ -23,16 +23,12 @@ pub fn check(config: &Config, settings: &BusSettings) -> Result<(), BusError> {
         listen = listen[mode.as_str().unwrap_or("peer")].take();
     }
     let open = endpoints(&listen).into_iter().find(|text| is_open(text, authenticates));
-    let Some(open) = open else { return Ok(()) };
-    let place = match &settings.config {
+    let Some(endpoint) = open else { return Ok(()) };
+    let setting = match &settings.config {
         Some(path) if settings.listen.is_none() => format!("{}: listen.endpoints", path.display()),
         _ => "bus.listen".to_owned(),
     };
-    Err(BusError::Settings(format!(
-        "{place} = {open} is refused: anybody who reaches this address over the network could move the arm; \
-         prove who connects with --certs DIR and a tls/ or quic/ address, listen on 127.0.0.1, or say \
-         --insecure if the network is yours alone"
-    )))
+    Err(ZenohError::Exposed { setting, endpoint })
 }
 
 fn read(config: &Config, key: &str) -> Value {
@@ -40,7 +36,7 @@ fn read(config: &Config, key: &str) -> Value {
     serde_json::from_str(&text).unwrap_or_default()
 }
 
-/// Endpoints come one by one, in lists and in groups.
+/// The endpoints of a setting: a string, a list or a group of lists.
 fn endpoints(value: &Value) -> Vec<String> {
     match value {
         Value::String(endpoint) => vec![endpoint.clone()],
@@ -52,7 +48,7 @@ fn endpoints(value: &Value) -> Vec<String> {
     }
 }
 
-/// Whether anybody beyond this machine may connect to an endpoint.
+/// Whether an endpoint accepts anybody beyond this machine.
 fn is_open(text: &str, authenticates: bool) -> bool {
     let Ok(endpoint) = text.parse::<EndPoint>() else { return true };
     match endpoint.protocol().as_str() {
@@ -83,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_this_machine_and_those_who_prove_themselves_are_not_open() {
+    fn loopback_addresses_and_mutual_tls_are_not_open() {
         for (endpoint, without, with) in [
             ("tcp/127.0.0.1:7447", false, false),
             ("tcp/127.9.9.9:7447", false, false),

@@ -1,22 +1,24 @@
 //! The bus over Zenoh: between machines, or processes that should not share memory.
 //!
-//! The plant is a Zenoh peer that listens; controllers and monitors are clients that connect to it, or
-//! all connect to a router, so that all traffic of a session passes through explicit addresses.
-//! Samples travel express (no batching), with real-time priority, and are dropped rather than queued
-//! when the network is congested: a late sample is worth less than the next one.
+//! The plant is a Zenoh peer that listens; controllers and monitors are clients that connect to it.
+//! Or all connect to a router. So all traffic of a session passes through explicit addresses.
+//! Samples travel express (no batching), with real-time priority, and are dropped rather than
+//! queued when the network is congested: a late sample is worth less than the next one.
 //!
 //! ```text
 //! config       the session's configuration, made of the user's settings
-//! credentials  certificates, and the TLS that they make
-//! access       who may say what
-//! exposure     where nobody listens without them
-//! recovery     what brings a session back after the network failed
-//! threads      on how many of them Zenoh reads and writes
+//! credentials  certificates, and the TLS settings made of them
+//! access       which role may write and read which topic
+//! exposure     the check that no session is open to the network by accident
+//! recovery     the return of a session after the network failed
+//! threads      the number of threads on which Zenoh reads and writes
+//! error        why Zenoh cannot be used
 //! ```
 
 mod access;
 mod config;
 mod credentials;
+mod error;
 mod exposure;
 mod recovery;
 pub mod threads;
@@ -38,32 +40,36 @@ use zenoh::{
     sample::SampleKind,
 };
 
-use self::recovery::Unlingering;
+pub use self::error::ZenohError;
+use self::recovery::LingerGuard;
 use crate::{
     bus::{Attendance, Bus, BusError, Depth, Offering, Reader, Sessions, Shared, Writer},
     codec::{self, LARGEST_SAMPLE},
+    debug_by_name,
     mailbox::{Mailbox, MailboxReader},
     member::{Member, Role},
     sample::{Sample, VERSION},
 };
 
-/// How long to wait before trying to connect once more.
+/// How long to wait between two attempts to connect.
 const RETRY: Duration = Duration::from_millis(100);
 /// How long an answer to a query may take.
 const QUERY_TIMEOUT: Duration = Duration::from_secs(1);
-/// How long a role with certificates tries to connect before it says that they may be to blame.
-const DOUBT: Duration = Duration::from_secs(3);
+/// How long a role with certificates tries to connect before it warns that they may be to blame.
+const PATIENCE: Duration = Duration::from_secs(3);
 
 /// A session on Zenoh.
 pub struct ZenohBus {
     session: Session,
     prefix: String,
-    _unlingering: Arc<Unlingering>,
+    _linger: Arc<LingerGuard>,
 }
 
+debug_by_name!(ZenohBus);
+
 impl ZenohBus {
-    /// Opens a Zenoh session; who does not listen tries until somebody answers, as long as `proceed`
-    /// says so.
+    /// Opens a Zenoh session. A role that does not listen tries to connect for as long as `proceed`
+    /// returns true; `None` when it no longer does.
     pub fn open(
         settings: &BusSettings,
         role: Role,
@@ -72,18 +78,18 @@ impl ZenohBus {
         Self::connect(config::configure(settings, role)?, settings, role, proceed)
     }
 
-    /// Opens a session in the place of a plant that is elsewhere.
-    pub fn stand_in(
+    /// Opens the session of a bridge, in the place of the plant.
+    pub fn open_for_bridge(
         settings: &BusSettings,
         proceed: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, BusError> {
         let mut settings = settings.clone();
         if !config::listens(&settings, Role::Plant) {
-            // A router takes torques from controllers, and from other routers what they pass on.
+            // A router accepts torques from controllers, and all topics from other routers.
             settings.identity.get_or_insert_with(|| "router".to_owned());
         }
         let mut config = config::configure(&settings, Role::Plant)?;
-        config::be_patient(&mut config)?;
+        config::wait_before_drop(&mut config)?;
         Self::connect(config, &settings, Role::Plant, proceed)
     }
 
@@ -94,28 +100,25 @@ impl ZenohBus {
         proceed: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, BusError> {
         if config::has_tls(&config) {
-            threads::take_turns();
+            threads::use_one_thread();
         }
-        let mut doubt = settings.certs.is_some().then(|| Instant::now() + DOUBT);
+        let mut warn_at = settings.certs.is_some().then(|| Instant::now() + PATIENCE);
         let session = loop {
             if !proceed() {
                 return Ok(None);
             }
             match zenoh::open(config.clone()).wait() {
                 Ok(session) => break session,
-                Err(error) if config::listens(settings, role) => {
-                    return Err(BusError::Settings(format!(
-                        "bus.listen = {} cannot be listened on, perhaps because the port is in use ({}); \
-                         choose another with --listen",
-                        settings.listen_endpoints().join(", "),
-                        in_one_line(&error)
-                    )));
+                Err(source) if config::listens(settings, role) => {
+                    let endpoints = settings.listen_endpoints().join(", ");
+                    return Err(ZenohError::Listen { endpoints, source }.into());
                 }
                 Err(_) => {
-                    if doubt.take_if(|from| Instant::now() >= *from).is_some() {
-                        eprintln!(
-                            "mtj: no way to {} yet: nobody is there, its certificate is of another \
-                             authority or for another host name, or ours is not accepted; still trying",
+                    if warn_at.take_if(|from| Instant::now() >= *from).is_some() {
+                        tracing::warn!(
+                            "no way to {} yet: nobody is there, its certificate is of another \
+                             authority or for another host name, or ours is not accepted; still \
+                             trying",
                             settings.connect_endpoints().join(", ")
                         );
                     }
@@ -126,13 +129,14 @@ impl ZenohBus {
         Ok(Some(Self {
             session,
             prefix: format!("mtj/{}", settings.session),
-            _unlingering: Arc::new(Unlingering::begin()?),
+            _linger: Arc::new(LingerGuard::start()?),
         }))
     }
 
-    /// Whether the settings make a Zenoh configuration.
+    /// Checks that the settings make a Zenoh configuration.
     pub fn check(settings: &BusSettings) -> Result<(), BusError> {
-        config::configure(settings, Role::Plant).map(drop)
+        config::configure(settings, Role::Plant)?;
+        Ok(())
     }
 
     fn key(&self, topic: &str) -> String {
@@ -176,7 +180,7 @@ impl Bus for ZenohBus {
             .declare_queryable(self.key("scenario"))
             .callback(move |query| {
                 let bytes = lock(&on_offer).clone();
-                // A peer that is gone before its answer will ask again.
+                // A peer whose link breaks before the answer asks again.
                 let _ = query.reply(query.key_expr(), bytes).wait();
             })
             .wait()
@@ -197,7 +201,7 @@ impl Bus for ZenohBus {
         let mut other = None;
         while let Ok(Some(reply)) = replies.recv_deadline(end) {
             let Ok(sample) = reply.result() else { continue };
-            // Anybody may answer; what is no offer of our version counts only if nobody has one.
+            // Any process may answer; an offer of our version is preferred.
             let bytes = sample.payload().to_bytes().into_owned();
             if codec::decode_offer(&bytes).is_some_and(|offer| offer.version == VERSION) {
                 return Ok(Some(bytes));
@@ -245,7 +249,7 @@ impl Shared for ZenohBus {
         Ok(Self {
             session: self.session.clone(),
             prefix: format!("mtj/{session}"),
-            _unlingering: Arc::clone(&self._unlingering),
+            _linger: Arc::clone(&self._linger),
         })
     }
 
@@ -275,7 +279,7 @@ impl Shared for ZenohBus {
 }
 
 struct ZenohSessions<K> {
-    /// A session, and a member of it.
+    /// Pairs of a session and a member.
     announced: Arc<Mutex<BTreeSet<(String, String)>>>,
     _keep: K,
 }
@@ -328,31 +332,11 @@ impl<Q> Offering for ZenohOffer<Q> {
     }
 }
 
-/// Nothing can panic while it holds the lock, so poisoning is of no interest.
+/// Locks, also after a panic elsewhere: nothing here can panic while it holds the lock.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn failure(error: zenoh::Error) -> BusError {
-    BusError::Transport(format!("zenoh: {}", in_one_line(&error)))
-}
-
-/// What Zenoh has to say, without line breaks and without the places in its source.
-fn in_one_line(error: &zenoh::Error) -> String {
-    let text = error.to_string();
-    let mut words = text.split_whitespace().peekable();
-    let mut line = String::new();
-    while let Some(word) = words.next() {
-        if word == "at"
-            && let Some(place) = words.next_if(|place| place.contains(".rs:"))
-        {
-            line.extend(place.chars().filter(|c| matches!(c, ']' | ')')));
-            continue;
-        }
-        if !line.is_empty() {
-            line.push(' ');
-        }
-        line.push_str(word);
-    }
-    line
+    ZenohError::Session(error).into()
 }

@@ -13,8 +13,8 @@ use std::{
 
 use mtj_protocol::{
     codec::{self, LARGEST_SAMPLE},
-    knob::Knob,
     member::{Member, Role},
+    request::Request,
     sample::{PresenceSample, Sample, StateSample, StatusSample, TorqueSample},
     zenoh::threads,
 };
@@ -41,7 +41,7 @@ pub fn connect(endpoint: &str, papers: &Papers<'_>) -> zenoh::Result<Session> {
         set("transport/link/tls/connect_certificate", &path(certificate));
         set("transport/link/tls/connect_private_key", &path(key));
     }
-    threads::take_turns();
+    threads::use_one_thread();
     zenoh::open(config).wait()
 }
 
@@ -142,10 +142,10 @@ fn speak(bus: &Session, prefix: &str, say: Say, state: &StateSample) {
         Say::Torque => put(bus, prefix, &torque),
         Say::Request => {
             let number = state.sent_ns;
-            let kick = Knob::Kick { torque: vec![9.0, -9.0], milliseconds: 100.0 };
-            put(bus, prefix, &kick.request(state.header.run, number));
-            let set = Knob::Set(vec!["law.kp=1".to_owned()]);
-            put(bus, prefix, &set.request(state.header.run, number + 1));
+            let kick = Request::Kick { torque: vec![9.0, -9.0], milliseconds: 100.0 };
+            put(bus, prefix, &kick.to_sample(state.header.run, number));
+            let set = Request::Set(vec!["law.kp=1".to_owned()]);
+            put(bus, prefix, &set.to_sample(state.header.run, number + 1));
         }
         Say::State => {
             let mut false_state = *state;

@@ -2,8 +2,8 @@ use std::sync::Arc;
 
 use mtj_model::scenario::{Override, Scenario};
 use mtj_protocol::{
-    knob::Knob,
     port::{Message, Offered},
+    request::Request,
     sample::{
         ChangeSample, ErrorSample, Header, PresenceSample, RequestSample, StateSample,
         StatusSample, TorqueSample, VERSION, padded, text,
@@ -157,7 +157,7 @@ fn the_essentials_are_shown_at_every_size() {
 fn a_roomy_screen_shows_all_the_rest() {
     let mut view = two_seconds(&["safety.torque_limit=[25,10]", "link.torque.latency=1ms"]);
     let set = |number, words: &[&str]| {
-        Knob::Set(words.iter().map(|&words| words.to_owned()).collect()).request(7, number)
+        Request::Set(words.iter().map(|&words| words.to_owned()).collect()).to_sample(7, number)
     };
     let change = |request: RequestSample, outcome| {
         Message::Change(ChangeSample::answer(header(120), &request, outcome))

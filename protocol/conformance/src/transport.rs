@@ -1,4 +1,4 @@
-//! What moves samples and scenarios.
+//! Samples and scenarios on the bus itself.
 
 use std::{
     sync::atomic::{AtomicBool, Ordering},
@@ -13,22 +13,22 @@ use mtj_protocol::{
     member::Role,
     port::{Exchange, Offered, PlantPort, fetch_scenario},
     sample::{ErrorSample, Sample, StateSample, StatusSample, TorqueSample, VERSION},
-    transport::AnyBus,
 };
 
-use crate::rig::*;
+use crate::{Fixture, session::*};
 
 /// The next sample, waiting for it until `until`.
 fn next_of<S: Sample>(reader: &mut dyn Reader<S>, wait: Wait, until: Instant) -> Option<S> {
     bus::receive(reader, wait, until).unwrap().then(|| *reader.sample())
 }
 
-pub fn a_stream_keeps_order<R: Rig>() {
-    let rig = R::new();
-    let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Controller));
+/// A stream delivers every sample once and in order; a lossy bus may leave gaps.
+pub fn a_stream_keeps_order<F: Fixture>() {
+    let fixture = F::new();
+    let (plant, other) = (fixture.join(Role::Plant), fixture.join(Role::Controller));
     let mut writer = plant.writer().unwrap();
     let mut stream = other.reader::<StateSample>(Depth::Stream, Wait::Block).unwrap();
-    let first = meet(&mut *writer, &mut [&mut *stream]);
+    let first = connect(&mut *writer, &mut [&mut *stream]);
     for sequence in first..first + 1000 {
         writer.write(&state(sequence)).unwrap();
         if sequence % 10 == 0 {
@@ -43,7 +43,7 @@ pub fn a_stream_keeps_order<R: Rig>() {
             if expected == last && sequence == last {
                 return Some(());
             }
-            let in_order = if R::DROPS { sequence >= expected } else { sequence == expected };
+            let in_order = if F::LOSSY { sequence >= expected } else { sequence == expected };
             assert!(in_order, "{sequence} where {expected} was due");
             assert_eq!(found, state(sequence), "and unharmed");
             expected = (sequence + 1).min(last);
@@ -53,13 +53,15 @@ pub fn a_stream_keeps_order<R: Rig>() {
     assert_eq!(stream.malformed(), 0);
 }
 
-pub fn a_follower_gets_the_newest_once_and_the_stream_gets_all<R: Rig>() {
-    let rig = R::new();
-    let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Controller));
+/// A reader that follows a writer gets its newest sample once; a stream gets all of them after a
+/// flush.
+pub fn a_follower_gets_the_newest_once_and_the_stream_gets_all<F: Fixture>() {
+    let fixture = F::new();
+    let (plant, other) = (fixture.join(Role::Plant), fixture.join(Role::Controller));
     let mut writer = plant.writer().unwrap();
     let mut follower = other.reader::<StateSample>(Depth::Recent, Wait::Spin).unwrap();
     let mut stream = other.reader::<StateSample>(Depth::Stream, Wait::Block).unwrap();
-    let first = meet(&mut *writer, &mut [&mut *stream]);
+    let first = connect(&mut *writer, &mut [&mut *stream]);
     eventually("the writer", || follower.take().unwrap());
     for round in 0..5 {
         let last = first + 100 * round + 99;
@@ -69,7 +71,8 @@ pub fn a_follower_gets_the_newest_once_and_the_stream_gets_all<R: Rig>() {
         }
         let mut newest = None;
         eventually("the newest", || {
-            // A process that holds the lock keeps others out; a port asks with each sample.
+            // Another process may hold the lock that `follow` needs; a port calls it with each
+            // sample.
             follower.follow().unwrap();
             while let Some(found) = follower.take().unwrap() {
                 assert!(newest < Some(found.header.sequence), "newer and newer");
@@ -78,25 +81,26 @@ pub fn a_follower_gets_the_newest_once_and_the_stream_gets_all<R: Rig>() {
             }
             (newest == Some(last)).then_some(())
         });
-        writer.settle().unwrap();
-        writer.settle().unwrap();
+        writer.flush().unwrap();
+        writer.flush().unwrap();
         let mut expected = last - 99;
         while let Some(found) = next_of(&mut *stream, Wait::Block, glance()) {
             let in_order = found.header.sequence >= expected;
-            assert!(in_order && (R::DROPS || found.header.sequence == expected), "{expected}");
+            assert!(in_order && (F::LOSSY || found.header.sequence == expected), "{expected}");
             expected = found.header.sequence + 1;
         }
-        assert!(R::DROPS || expected == last + 1, "the stream ends before {expected}");
+        assert!(F::LOSSY || expected == last + 1, "the stream ends before {expected}");
         for _ in 0..100 {
-            assert_eq!(follower.take().unwrap(), None, "only once, by whatever way");
+            assert_eq!(follower.take().unwrap(), None, "only once, from slot or stream");
         }
     }
 }
 
-pub fn whoever_follows_hears_others_too<R: Rig>() {
-    let rig = R::new();
+/// A reader that follows one writer also gets the samples of the others.
+pub fn a_follower_gets_the_samples_of_other_writers_too<F: Fixture>() {
+    let fixture = F::new();
     let (plant, one, another) =
-        (rig.join(Role::Plant), rig.join(Role::Controller), rig.join(Role::Controller));
+        (fixture.join(Role::Plant), fixture.join(Role::Controller), fixture.join(Role::Controller));
     let mut follower = plant.reader::<TorqueSample>(Depth::Recent, Wait::Spin).unwrap();
     let mut writers = [one.writer().unwrap(), another.writer().unwrap()];
     for sequence in 1..20 {
@@ -105,7 +109,7 @@ pub fn whoever_follows_hears_others_too<R: Rig>() {
             let sample = TorqueSample { controller: i as u64 + 1, ..torque(sequence) };
             eventually("a torque", || {
                 writer.expedite(&sample).unwrap();
-                writer.settle().unwrap();
+                writer.flush().unwrap();
                 next_of(&mut *follower, Wait::Spin, glance()).filter(|it| *it == sample)
             });
             while follower.take().unwrap().is_some() {}
@@ -116,9 +120,10 @@ pub fn whoever_follows_hears_others_too<R: Rig>() {
     }
 }
 
-pub fn a_reader_waits_as_long_as_it_is_told_and_no_longer_than_it_must<R: Rig>() {
-    let rig = R::new();
-    let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Controller));
+/// A reader waits neither shorter than until its deadline nor longer than until a sample comes.
+pub fn a_reader_returns_at_its_deadline_or_when_a_sample_comes<F: Fixture>() {
+    let fixture = F::new();
+    let (plant, other) = (fixture.join(Role::Plant), fixture.join(Role::Controller));
     for (depth, wait) in [
         (Depth::Recent, Wait::Block),
         (Depth::Recent, Wait::Spin),
@@ -127,33 +132,34 @@ pub fn a_reader_waits_as_long_as_it_is_told_and_no_longer_than_it_must<R: Rig>()
     ] {
         let mut writer = plant.writer().unwrap();
         let mut reader = other.reader::<StateSample>(depth, wait).unwrap();
-        let next = meet(&mut *writer, &mut [&mut *reader]);
+        let next = connect(&mut *writer, &mut [&mut *reader]);
         let (began, patience) = (Instant::now(), Duration::from_millis(30));
         assert_eq!(next_of(&mut *reader, wait, began + patience), None);
         assert!(began.elapsed() >= patience, "it did not give up early");
-        // With all patience of the world it returns when the sample comes.
+        // With a later deadline it returns when the sample comes.
         writer.write(&state(next)).unwrap();
-        let found = next_of(&mut *reader, wait, soon());
+        let found = next_of(&mut *reader, wait, deadline());
         assert_eq!(found.map(|found| found.header.sequence), Some(next));
-        // The past is no time to wait for, but what is there already is had.
+        // With a deadline in the past it returns a sample that is there already.
         writer.write(&state(next + 1)).unwrap();
         eventually("a sample", || next_of(&mut *reader, wait, Instant::now()));
     }
 }
 
-pub fn topics_and_sessions_do_not_mix<R: Rig>() {
-    let (rig, foreign) = (R::new(), R::new());
-    let (plant, other) = (rig.join(Role::Plant), rig.join(Role::Controller));
+/// A reader gets the samples of its topic and its session, and no others.
+pub fn topics_and_sessions_do_not_mix<F: Fixture>() {
+    let (fixture, foreign) = (F::new(), F::new());
+    let (plant, other) = (fixture.join(Role::Plant), fixture.join(Role::Controller));
     let foreign_plant = foreign.join(Role::Plant);
     let mut writer = plant.writer().unwrap();
     let mut states = other.reader::<StateSample>(Depth::Stream, Wait::Block).unwrap();
     let mut torques = other.reader::<TorqueSample>(Depth::Stream, Wait::Block).unwrap();
     let mut errors = other.reader::<ErrorSample>(Depth::Stream, Wait::Block).unwrap();
     let mut statuses = other.reader::<StatusSample>(Depth::Stream, Wait::Block).unwrap();
-    let next = meet(&mut *writer, &mut [&mut *states]);
+    let next = connect(&mut *writer, &mut [&mut *states]);
     foreign_plant.writer().unwrap().write(&state(1_000_000)).unwrap();
     writer.write(&state(next)).unwrap();
-    let found = next_of(&mut *states, Wait::Block, soon()).unwrap();
+    let found = next_of(&mut *states, Wait::Block, deadline()).unwrap();
     assert_eq!(found.header.sequence, next, "nothing of another session");
     assert_eq!(torques.take().unwrap(), None);
     assert_eq!(errors.take().unwrap(), None);
@@ -162,7 +168,7 @@ pub fn topics_and_sessions_do_not_mix<R: Rig>() {
 }
 
 /// Tells a thread to end, even where an assertion fails before it is told.
-pub struct SetOnDrop<'a>(&'a AtomicBool);
+struct SetOnDrop<'a>(&'a AtomicBool);
 
 impl Drop for SetOnDrop<'_> {
     fn drop(&mut self) {
@@ -170,21 +176,22 @@ impl Drop for SetOnDrop<'_> {
     }
 }
 
-pub fn a_monitor_loses_nothing_at_a_kilohertz_beside_a_loop<R: Rig>() {
+/// A stream that is emptied fifty times a second loses nothing of ten thousand samples at 1 kHz.
+pub fn a_monitor_loses_nothing_at_a_kilohertz_beside_a_loop<F: Fixture>() {
     const SAMPLES: u64 = 10_000;
-    let rig = R::new();
-    let (plant, monitor) = (rig.join(Role::Plant), rig.join(Role::Controller));
+    let fixture = F::new();
+    let (plant, monitor) = (fixture.join(Role::Plant), fixture.join(Role::Controller));
     let mut writer = plant.writer().unwrap();
     let mut stream = monitor.reader::<StateSample>(Depth::Stream, Wait::Block).unwrap();
     let (attached, over) = (AtomicBool::new(false), AtomicBool::new(false));
     thread::scope(|scope| {
-        let (rig, attached, over) = (&rig, &attached, &over);
+        let (fixture, attached, over) = (&fixture, &attached, &over);
         let _end = SetOnDrop(over);
         let controller = scope.spawn(move || {
-            let bus = rig.join(Role::Controller);
+            let bus = fixture.join(Role::Controller);
             let mut latest = bus.reader::<StateSample>(Depth::Recent, Wait::Block).unwrap();
             attached.store(true, Ordering::Release);
-            let (mut seen, mut newest, end) = (0, None, soon() + Duration::from_secs(30));
+            let (mut seen, mut newest, end) = (0, None, deadline() + Duration::from_secs(30));
             while !over.load(Ordering::Acquire) {
                 assert!(Instant::now() < end, "the loop was never told to end");
                 if let Some(found) = next_of(&mut *latest, Wait::Block, glance()) {
@@ -196,7 +203,7 @@ pub fn a_monitor_loses_nothing_at_a_kilohertz_beside_a_loop<R: Rig>() {
             seen
         });
         eventually("the loop's start", || attached.load(Ordering::Acquire).then_some(()));
-        let first = meet(&mut *writer, &mut [&mut *stream]);
+        let first = connect(&mut *writer, &mut [&mut *stream]);
         let mut expected = first;
         let mut drain = || {
             while let Some(found) = stream.take().unwrap() {
@@ -222,25 +229,27 @@ pub fn a_monitor_loses_nothing_at_a_kilohertz_beside_a_loop<R: Rig>() {
     });
 }
 
-pub fn a_late_joiner_gets_the_scenario_and_an_early_one_gets_it_later<R: Rig>() {
-    let rig = R::new();
-    let (plant, early) = (rig.join(Role::Plant), rig.join(Role::Controller));
+/// A scenario reaches processes that joined before the offer and after it.
+pub fn early_and_late_processes_get_the_scenario<F: Fixture>() {
+    let fixture = F::new();
+    let (plant, early) = (fixture.join(Role::Plant), fixture.join(Role::Controller));
     assert_eq!(early.fetch().unwrap(), None, "before anything is on offer");
     let mut offering = plant.offer(b"first".to_vec()).unwrap();
-    let mut fetch = |bus: &AnyBus| {
+    let mut fetch = |bus: &F::Bus| {
         eventually("an offer", || {
             offering.serve().unwrap();
             bus.fetch().unwrap()
         })
     };
     assert_eq!(fetch(&early), b"first");
-    assert_eq!(fetch(&early), b"first", "as often as one asks");
-    assert_eq!(fetch(&rig.join(Role::Controller)), b"first");
+    assert_eq!(fetch(&early), b"first", "as often as it is fetched");
+    assert_eq!(fetch(&fixture.join(Role::Controller)), b"first");
 }
 
-pub fn a_scenario_is_on_offer_as_long_as_its_plant_lives<R: Rig>() {
-    let rig = R::new();
-    let (plant, early) = (rig.join(Role::Plant), rig.join(Role::Controller));
+/// An offer can be replaced, and ends when it is dropped.
+pub fn an_offer_ends_with_its_plant<F: Fixture>() {
+    let fixture = F::new();
+    let (plant, early) = (fixture.join(Role::Plant), fixture.join(Role::Controller));
     for text in [b"first".to_vec(), vec![7; 60_000], b"third".to_vec()] {
         let mut offering = plant.offer(text.clone()).unwrap();
         eventually("the new offer", || {
@@ -248,32 +257,33 @@ pub fn a_scenario_is_on_offer_as_long_as_its_plant_lives<R: Rig>() {
             (early.fetch().unwrap()? == text).then_some(())
         });
     }
-    let late = rig.join(Role::Controller);
+    let late = fixture.join(Role::Controller);
     eventually("the end of the offer", || late.fetch().unwrap().is_none().then_some(()));
 }
 
-pub fn a_role_waits_for_a_scenario_it_can_read<R: Rig>() {
-    let rig = R::new();
-    let plant = rig.join(Role::Plant);
+/// A role ignores offers that it cannot use, and takes the first that it can.
+pub fn a_role_waits_for_a_scenario_that_it_can_read<F: Fixture>() {
+    let fixture = F::new();
+    let plant = fixture.join(Role::Plant);
     let text = built_in("sampled/tj").unwrap().to_owned();
     let foreign =
         Offer { version: VERSION + 1, revision: 0, run: 1, name: "sampled/tj".to_owned(), text };
-    let refused = Offer { version: VERSION, text: "seed = -1".to_owned(), ..foreign.clone() };
-    let unfit = [b"rubbish".to_vec(), encode_offer(&foreign), encode_offer(&refused)];
+    let invalid = Offer { version: VERSION, text: "seed = -1".to_owned(), ..foreign.clone() };
+    let unusable = [b"garbage".to_vec(), encode_offer(&foreign), encode_offer(&invalid)];
     thread::scope(|scope| {
-        let rig = &rig;
+        let fixture = &fixture;
         let role = scope.spawn(move || {
-            let end = soon();
-            fetch_scenario(&rig.join(Role::Controller), &|| Instant::now() < end).unwrap()
+            let end = deadline();
+            fetch_scenario(&fixture.join(Role::Controller), &|| Instant::now() < end).unwrap()
         });
-        for bytes in unfit {
+        for bytes in unusable {
             let mut offering = plant.offer(bytes).unwrap();
             for _ in 0..20 {
                 offering.serve().unwrap();
                 thread::sleep(Duration::from_millis(2));
             }
         }
-        assert!(!role.is_finished(), "nothing unfit is taken");
+        assert!(!role.is_finished(), "no unusable offer is taken");
         let mut port = PlantPort::open(&plant, &scenario(), RUN).unwrap();
         eventually("the scenario", || {
             port.report(&StatusSample { header: header(0), ..Default::default() }).unwrap();
@@ -283,7 +293,11 @@ pub fn a_role_waits_for_a_scenario_it_can_read<R: Rig>() {
         assert_eq!(role.join().unwrap(), Some(offered));
     });
     let end = glance();
-    let bus = R::new();
-    let (_plant, lonely) = (bus.join(Role::Plant), bus.join(Role::Controller));
-    assert_eq!(fetch_scenario(&lonely, &|| Instant::now() < end).unwrap(), None, "told to give up");
+    let empty = F::new();
+    let (_plant, lonely) = (empty.join(Role::Plant), empty.join(Role::Controller));
+    assert_eq!(
+        fetch_scenario(&lonely, &|| Instant::now() < end).unwrap(),
+        None,
+        "it stops when told to"
+    );
 }

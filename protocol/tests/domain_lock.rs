@@ -1,4 +1,4 @@
-//! Somebody holds the door of shared memory, as a process does that is stopped while it starts.
+//! Another process holds the lock of the domain, as one does that is stopped while it starts.
 
 #![cfg(feature = "iceoryx2")]
 #![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
@@ -19,7 +19,7 @@ use mtj_protocol::{
 };
 
 fn join(role: Role) -> AnyBus {
-    let text = format!("kind = 'iceoryx2'\nsession = 'door-{}'", process::id());
+    let text = format!("kind = 'iceoryx2'\nsession = 'domain-lock-{}'", process::id());
     let settings = BusSettings::from_table("here", text.parse().unwrap()).unwrap();
     AnyBus::open(&settings, role, &|| true).unwrap().unwrap()
 }
@@ -37,25 +37,25 @@ fn next(reader: &mut dyn Reader<StateSample>) -> Option<u64> {
 }
 
 #[test]
-fn a_loop_hears_a_new_writer_though_somebody_holds_the_door() {
+fn a_loop_gets_the_samples_of_a_new_writer_while_another_process_holds_the_lock() {
     let (plant, controller) = (join(Role::Plant), join(Role::Controller));
     let mut writer = plant.writer().unwrap();
     let mut reader = controller.reader::<StateSample>(Depth::Recent, Wait::Spin).unwrap();
     writer.write(&state(1)).unwrap();
     assert_eq!(next(&mut *reader), Some(1));
     let user = fs::metadata("/proc/self").unwrap().uid();
-    let door = File::open(format!("/dev/shm/mtj_{user}/door")).unwrap();
-    door.lock().unwrap();
+    let lock = File::open(format!("/dev/shm/mtj_{user}/door")).unwrap();
+    lock.lock().unwrap();
     // A reader that waited would fail after five seconds.
     reader.follow().unwrap();
     assert!(!reader.follows());
     writer.expedite(&state(2)).unwrap();
-    writer.settle().unwrap();
+    writer.flush().unwrap();
     assert_eq!(next(&mut *reader), Some(2), "through the stream");
-    door.unlock().unwrap();
+    lock.unlock().unwrap();
     let end = Instant::now() + Duration::from_secs(10);
     while !reader.follows() {
-        assert!(Instant::now() < end, "the way that was barred was never taken");
+        assert!(Instant::now() < end, "the slot was never opened");
         reader.follow().unwrap();
     }
     writer.expedite(&state(3)).unwrap();

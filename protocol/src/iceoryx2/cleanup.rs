@@ -1,4 +1,5 @@
-//! Removes what crashed processes left in our domain. Every process that enters or leaves it does so.
+//! The cleanup of the domain: every process that joins or leaves removes what crashed processes
+//! left.
 
 use std::{
     collections::HashSet,
@@ -12,32 +13,33 @@ use iceoryx2::{
     prelude::{CallbackProgression, Node, NodeState, Service as _, ipc},
 };
 
-use super::domain::{Domain, Inside, SEGMENTS, entries};
+use super::domain::{Domain, LockGuard, SEGMENTS, entries};
 
 impl Domain {
-    /// Clears away what belongs to nobody who lives.
-    pub fn sweep(&self, _inside: &Inside<'_>) {
-        // If there are no means to look, the next process will clean up.
-        let Some((mut residents, dead)) = self.residents() else { return };
-        // Segments first: iceoryx2 waits for ever for one whose maker died before it had a size.
-        self.sweep_segments(&residents);
+    /// Removes everything that belongs to no living process.
+    pub(super) fn clean_up(&self, _guard: &LockGuard<'_>) {
+        // If this process cannot find out, the next one cleans up.
+        let Some((mut living, dead)) = self.nodes() else { return };
+        // Segments first: iceoryx2 waits for ever for one whose creator crashed before it had a
+        // size.
+        self.remove_segments(&living);
         for node in dead {
-            // Without its details iceoryx2 would seek it in another domain.
+            // Without its details iceoryx2 would look for it in another domain.
             let is_whole = node.details().is_some();
             let id = node.id().value();
             match node.try_remove_stale_resources() {
                 Ok(()) | Err(NodeCleanupFailure::ResourcesAlreadyCleanedUp) => {}
-                // The next one may do better, as long as it can be found.
-                Err(_) if is_whole && !residents.processes.is_empty() => {
-                    residents.nodes.insert(id);
+                // Keep its files, so that the next process can find it and try again.
+                Err(_) if is_whole && !living.processes.is_empty() => {
+                    living.nodes.insert(id);
                 }
                 Err(_) => {}
             }
         }
-        self.sweep_services(&residents);
+        self.remove_services(&living);
         for (name, entry) in entries(&self.root.join("nodes")) {
             let name = name.strip_prefix(&self.prefix).unwrap_or(&name);
-            if !numbers(name).any(|id| residents.nodes.contains(&id)) {
+            if !numbers(name).any(|id| living.nodes.contains(&id)) {
                 remove(&entry.path());
             }
         }
@@ -48,9 +50,9 @@ impl Domain {
         }
     }
 
-    /// Who lives here, and who died. None if that cannot be known.
-    fn residents(&self) -> Option<(Residents, Vec<DeadNodeView<ipc::Service>>)> {
-        let (mut found, mut dead) = (Residents::default(), Vec::new());
+    /// The living nodes, and those of crashed processes. `None` if that cannot be known.
+    fn nodes(&self) -> Option<(Living, Vec<DeadNodeView<ipc::Service>>)> {
+        let (mut found, mut dead) = (Living::default(), Vec::new());
         let listed = Node::<ipc::Service>::list(&self.config, |node| {
             let id = node.node_id().value();
             if let NodeState::Dead(node) = node {
@@ -64,17 +66,17 @@ impl Domain {
         listed.ok().map(|()| (found, dead))
     }
 
-    /// Removes segments and sockets of the dead, and what they did not finish.
-    fn sweep_segments(&self, residents: &Residents) {
+    /// Removes segments and sockets of crashed processes, and what they did not complete.
+    fn remove_segments(&self, living: &Living) {
         for (name, entry) in entries(Path::new(SEGMENTS)).chain(entries(&self.root)) {
             let Some(name) = name.strip_prefix(&self.prefix) else { continue };
-            let is_used = if residents.processes.is_empty() {
+            let is_used = if living.processes.is_empty() {
                 false
             } else if name.ends_with(".dynamic") || name.ends_with(".global_mgmt") {
-                // A service may outlive its maker. It may be read when it is finished.
+                // A service may outlive its creator. It becomes readable when it is complete.
                 entry.metadata().is_ok_and(|file| file.len() > 0 && file.mode() & 0o400 != 0)
             } else {
-                numbers(name).all(|id| residents.processes.contains(&process_of(id)))
+                numbers(name).all(|id| living.processes.contains(&process_of(id)))
             };
             if !is_used {
                 remove(&entry.path());
@@ -82,10 +84,10 @@ impl Domain {
         }
     }
 
-    /// Removes the services that nobody uses, and what is left of any.
-    fn sweep_services(&self, residents: &Residents) {
+    /// Removes the services that no living process uses, and their remains.
+    fn remove_services(&self, living: &Living) {
         let services = self.services();
-        if residents.processes.is_empty() {
+        if living.processes.is_empty() {
             entries(&self.root.join("services")).for_each(|(_, entry)| remove(&entry.path()));
         } else if let Some(used) = services {
             for (name, entry) in entries(Path::new(SEGMENTS)) {
@@ -97,8 +99,8 @@ impl Domain {
         }
     }
 
-    /// The numbers of the services that somebody uses, after removing all others. None if there is one
-    /// that cannot be read.
+    /// Removes unused services, and returns the numbers of those in use. `None` if one cannot be
+    /// read.
     fn services(&self) -> Option<HashSet<u128>> {
         let (mut used, mut hashes, mut unused) = (HashSet::new(), HashSet::new(), HashSet::new());
         let listed = ipc::Service::list(&self.config, |service| {
@@ -128,13 +130,14 @@ impl Domain {
     }
 }
 
+/// The nodes and processes that live.
 #[derive(Default)]
-struct Residents {
+struct Living {
     nodes: HashSet<u128>,
     processes: HashSet<u32>,
 }
 
-/// The process that gave something its number.
+/// The process that assigned an id.
 fn process_of(id: u128) -> u32 {
     (id >> 64) as u32
 }
@@ -144,7 +147,8 @@ fn numbers(name: &str) -> impl Iterator<Item = u128> {
     name.split(['_', '.']).filter_map(|part| part.parse().ok())
 }
 
-/// Removes a file or a directory. It may have gone already; if it cannot be removed, the next may try.
+/// Removes a file or a directory, if it is still there. If that fails, the next process tries
+/// again.
 fn remove(path: &Path) {
     let _ = match fs::symlink_metadata(path) {
         Ok(found) if found.is_dir() => fs::remove_dir_all(path),
