@@ -165,7 +165,7 @@ pub struct Axis {
 }
 
 /// The registry of tasks.
-pub const TASKS: &[Description] = &[Description {
+pub const TASKS: [Description; 1] = [Description {
     name: "plane",
     axes: &[Axis { name: "x", unit: "m" }, Axis { name: "y", unit: "m" }],
 }];

@@ -104,7 +104,7 @@ fn absent_keys_have_the_documented_defaults() {
     assert_eq!(scenario.task.name, "plane");
     assert_eq!(scenario.link.state.latency, Duration::ZERO);
     assert_eq!(scenario.safety.command_timeout, None);
-    assert_eq!(scenario.safety.torque_limit, [f64::INFINITY; 2]);
+    assert_eq!(scenario.safety.torque_limit, None);
     assert_eq!((scenario.bus.wait, scenario.bus.session.as_str()), (Wait::Block, "default"));
     assert_eq!(scenario.bus.scouting, None);
     assert_eq!(scenario.arm.gravity.norm(), 0.0);
@@ -180,8 +180,8 @@ fn a_refusal_names_origin_key_and_value() {
         ("law.kind=pid", &["law.kind = \"pid\"", "\"tj\", \"mtj\", \"mb\", \"tdc\""][..]),
         ("law.gain=3", &["law.gain = 3", "no key 'gain'", "kp"]),
         ("speed=3", &["speed = 3", "no key 'speed'", "duration"]),
-        ("arm.links[1].mass=-3", &["arm.links[1].mass = -3", "mass in kg greater than 0"]),
-        ("arm.links[0].length=0.0", &["arm.links[0].length = 0.0", "length in m"]),
+        ("arm.links[1].mass=-3", &["arm.links[1].mass = -3", "a number in kg greater than 0"]),
+        ("arm.links[0].length=0.0", &["arm.links[0].length = 0.0", "a number in m"]),
         ("arm.links[0].inertia=nan", &["arm.links[0].inertia = nan", "inertia"]),
         ("arm.links=[]", &["arm.links", "1 to 7 links"]),
         ("arm.position=[0.0, 0.0]", &["arm.position", "singular"]),

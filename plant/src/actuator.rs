@@ -201,7 +201,7 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
 
 fn limits<const N: usize>(scenario: &Scenario) -> [f64; N] {
     let mut limit = [f64::INFINITY; _];
-    for (limit, joint) in limit.iter_mut().zip(&scenario.safety.torque_limit) {
+    for (limit, joint) in limit.iter_mut().zip(scenario.safety.torque_limit.iter().flatten()) {
         *limit = *joint;
     }
     limit

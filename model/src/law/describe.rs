@@ -2,6 +2,8 @@
 //!
 //! Displays, recordings and exports draw from this description; none of them knows a law by name.
 
+pub use crate::scenario::key::{Default, Form, Parameter};
+
 /// A law, described.
 #[derive(Debug, PartialEq)]
 pub struct Description {
@@ -58,55 +60,6 @@ impl Per {
             Self::Arm => 1,
         }
     }
-}
-
-/// A key of a scenario's `law` table.
-#[derive(Debug, PartialEq)]
-pub struct Parameter {
-    /// The whole key, like `law.factor.error`.
-    pub key: &'static str,
-    /// The label of a control.
-    pub label: &'static str,
-    /// What values look like.
-    pub form: Form,
-    /// The unit; empty for a pure number.
-    pub unit: &'static str,
-    /// The value where the key is absent.
-    pub default: Default,
-    /// What it does, in one sentence.
-    pub help: &'static str,
-}
-
-/// What the values of a parameter look like.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Form {
-    /// One of a few words.
-    Choice(&'static [&'static str]),
-    /// One number.
-    Number,
-    /// One number for all task axes, or a list with one for each.
-    List,
-    /// One number, a list for a diagonal, or rows.
-    Matrix,
-    /// The same, or one of a few words.
-    MatrixOr(&'static [&'static str]),
-    /// True or false.
-    Flag,
-    /// A duration, like "10 ms".
-    Duration,
-    /// The same, or one of a few words.
-    DurationOr(&'static [&'static str]),
-}
-
-/// The value of a parameter whose key is absent.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Default {
-    /// There is none: the key is required.
-    Required,
-    /// This TOML value.
-    Value(&'static str),
-    /// The value of another key.
-    SameAs(&'static str),
 }
 
 impl Description {

@@ -83,7 +83,7 @@ use crate::{
     lift,
     matrix::{self, padded},
     scalar::Scalar,
-    scenario::{ArmSettings, ScenarioError, Section},
+    scenario::{arm::ArmSettings, error::ScenarioError, section::Section},
     task::{self, TrackingError},
     trajectory::Motion,
 };
@@ -297,6 +297,26 @@ register! {
     Tdc(tdc::TimeDelay),
 }
 
+/// The names of all laws, as [`LAWS`] has them.
+const NAMES: [&str; LAWS.len()] = {
+    let mut names = [""; LAWS.len()];
+    let mut i = 0;
+    while i < LAWS.len() {
+        names[i] = LAWS[i].name;
+        i += 1;
+    }
+    names
+};
+
+/// law.kind.
+pub(crate) const KIND: Parameter = Parameter::new(
+    "law.kind",
+    describe::Form::Choice(&NAMES),
+    "",
+    describe::Default::Required,
+    "The control law.",
+);
+
 /// The law of this name.
 pub fn find(name: &str) -> Option<&'static Description> {
     LAWS.iter().copied().find(|law| law.name == name)
@@ -313,8 +333,6 @@ fn is_for_others(error: &ScenarioError, name: &str) -> bool {
 impl Law<f64, MAX_AXES> {
     /// Reads the law that a scenario's `law` table names, for a task with so many axes.
     pub fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
-        let names: Vec<_> = LAWS.iter().map(|law| (law.name, law.name)).collect();
-        let name = law.choice("kind", &names, None)?;
-        Self::of(name, law, axes)
+        Self::of(law.word(&KIND, &NAMES)?, law, axes)
     }
 }

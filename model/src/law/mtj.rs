@@ -15,7 +15,7 @@ use crate::{
     arm::Kinematics,
     lift,
     scalar::Scalar,
-    scenario::{ArmSettings, ScenarioError, Section},
+    scenario::{arm::ArmSettings, error::ScenarioError, section::Section},
     task::{self, TrackingError},
 };
 
@@ -36,6 +36,16 @@ pub struct ModifiedTransposeJacobian<T, const M: usize> {
 
 lift! { struct ModifiedTransposeJacobian<T, M> { tj, factor, acceleration } }
 
+/// law.acceleration.
+const ACCELERATION: Parameter = Parameter {
+    key: "law.acceleration",
+    label: "add M̄ ë (11)",
+    form: Form::Flag,
+    unit: "",
+    default: Default::Value("false"),
+    help: "Adds the acceleration term of eq. (11), with which the memory stands latency.",
+};
+
 impl Declaration for ModifiedTransposeJacobian<f64, MAX_AXES> {
     const DESCRIPTION: Description = Description {
         name: "mtj",
@@ -44,14 +54,7 @@ impl Declaration for ModifiedTransposeJacobian<f64, MAX_AXES> {
         parameters: &[
             KP,
             KD,
-            Parameter {
-                key: "law.acceleration",
-                label: "add M̄ ë (11)",
-                form: Form::Flag,
-                unit: "",
-                default: Default::Value("false"),
-                help: "Adds the acceleration term of eq. (11), with which the memory stands latency.",
-            },
+            ACCELERATION,
             mass::PARAMETER,
             mass::SCALE,
             factor::KIND,
@@ -66,10 +69,10 @@ impl Declaration for ModifiedTransposeJacobian<f64, MAX_AXES> {
 
     fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
         let tj = TransposeJacobian::read(law, axes)?;
-        let flag = law.optional("acceleration", "true or false", toml::Value::as_bool)?;
-        let mass = Mass::read(law, axes)?.unwrap_or(Mass::Unit);
-        let factor = Factor::read(law, axes, Factor::PAPER)?;
-        Ok(Self { tj, factor, acceleration: flag.unwrap_or(false).then_some(mass) })
+        let adds_acceleration = law.flag(&ACCELERATION)?;
+        let mass = Mass::read(law, &mass::PARAMETER, axes)?;
+        let factor = Factor::read(law, &factor::KIND, axes)?;
+        Ok(Self { tj, factor, acceleration: adds_acceleration.then_some(mass) })
     }
 
     fn check(&self, arm: &ArmSettings, task: &task::Description) -> Result<(), Unsuited> {

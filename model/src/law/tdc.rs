@@ -15,7 +15,7 @@ use crate::{
     gains::Gains,
     lift,
     scalar::Scalar,
-    scenario::{ArmSettings, ScenarioError, Section},
+    scenario::{arm::ArmSettings, error::ScenarioError, section::Section},
     task,
 };
 
@@ -40,6 +40,12 @@ pub struct TimeDelay<T, const M: usize> {
 
 lift! { struct TimeDelay<T, M> { kp, kd, mass, factor } }
 
+/// law.mass, which this law needs.
+const MASS: Parameter = Parameter { default: Default::Required, ..mass::PARAMETER };
+
+/// law.factor.kind: the law trusts its memory unless the scenario says otherwise.
+const FACTOR: Parameter = Parameter { default: Default::Value("\"constant\""), ..factor::KIND };
+
 impl Declaration for TimeDelay<f64, MAX_AXES> {
     const DESCRIPTION: Description = Description {
         name: "tdc",
@@ -48,9 +54,9 @@ impl Declaration for TimeDelay<f64, MAX_AXES> {
         parameters: &[
             KP_OF_ACCELERATION,
             KD_OF_ACCELERATION,
-            Parameter { default: Default::Required, ..mass::PARAMETER },
+            MASS,
             mass::SCALE,
-            Parameter { default: Default::Value("\"constant\""), ..factor::KIND },
+            FACTOR,
             factor::ERROR,
             factor::ERROR_RATE,
             factor::CEILING,
@@ -62,10 +68,10 @@ impl Declaration for TimeDelay<f64, MAX_AXES> {
 
     fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
         Ok(Self {
-            kp: Gains::required(law, "kp", axes)?,
-            kd: Gains::required(law, "kd", axes)?,
-            mass: Mass::read(law, axes)?.ok_or_else(|| law.refuse("mass", Mass::form(axes)))?,
-            factor: Factor::read(law, axes, Factor::ALL)?,
+            kp: Gains::read(law, &KP_OF_ACCELERATION, axes)?,
+            kd: Gains::read(law, &KD_OF_ACCELERATION, axes)?,
+            mass: Mass::read(law, &MASS, axes)?,
+            factor: Factor::read(law, &FACTOR, axes)?,
         })
     }
 

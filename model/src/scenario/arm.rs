@@ -6,7 +6,11 @@ use nalgebra::{DMatrix, SMatrix, SVector, Vector2};
 
 use super::{
     error::ScenarioError,
-    section::{self, Section},
+    key::{
+        Default::{Required, Value, Words},
+        Form, Parameter, Range,
+    },
+    section::Section,
 };
 use crate::{
     JointCount,
@@ -16,6 +20,68 @@ use crate::{
     },
     for_axes, for_joints, task,
 };
+
+const KIND: Parameter = Parameter::new(
+    "arm.kind",
+    Form::Choice(&["planar"]),
+    "",
+    Value("\"planar\""),
+    "What the arm is: a chain of rigid links in a plane.",
+);
+const POSITION: Parameter = Parameter::new(
+    "arm.position",
+    Form::Joints,
+    "rad",
+    Words("zeros"),
+    "Joint angles at the start, each relative to the link before; not a singular configuration.",
+);
+const VELOCITY: Parameter = Parameter::new(
+    "arm.velocity",
+    Form::Joints,
+    "rad/s",
+    Words("zeros"),
+    "Joint velocities at the start.",
+);
+const GRAVITY: Parameter = Parameter::new(
+    "arm.gravity",
+    Form::Point,
+    "m/s²",
+    Value("[0.0, 0.0]"),
+    "Gravitational acceleration in the plane of the arm; [0, -9.81] stands it upright.",
+);
+/// The keys of `arm` itself.
+pub(super) const KEYS: &[&Parameter] = &[&KIND, &POSITION, &VELOCITY, &GRAVITY];
+
+const LENGTH: Parameter = Parameter::new(
+    "arm.links[].length",
+    Form::Number(Range::Positive),
+    "m",
+    Required,
+    "From this joint to the next.",
+);
+const MASS: Parameter = Parameter::new(
+    "arm.links[].mass",
+    Form::Number(Range::Positive),
+    "kg",
+    Required,
+    "Mass of the link.",
+);
+const CENTER: Parameter = Parameter::new(
+    "arm.links[].center",
+    Form::Number(Range::Any),
+    "m",
+    Words("half the length"),
+    "From this joint to the centre of mass, along the link.",
+);
+const INERTIA: Parameter = Parameter::new(
+    "arm.links[].inertia",
+    Form::Number(Range::Positive),
+    "kg m²",
+    Required,
+    "Moment of inertia about the centre of mass.",
+);
+/// The keys of an entry of `arm.links`.
+pub(super) const LINK_KEYS: &[&Parameter] = &[&LENGTH, &MASS, &CENTER, &INERTIA];
 
 /// Links and initial state of a planar arm.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,23 +130,16 @@ const SINGULAR: f64 = 1e-6;
 
 impl ArmSettings {
     pub(super) fn read(arm: Section<'_>, task: &task::Description) -> Result<Self, ScenarioError> {
-        arm.choice("kind", &[("planar", ())], Some(()))?;
+        arm.word(&KIND, &[()])?;
         let expected = "1 to 7 links, each {length, mass, center, inertia}";
         let sections = arm.sections("links", expected)?;
         let links = sections.into_iter().map(read_link).collect::<Result<Vec<_>, _>>()?;
         let links = Chain::new(links).ok_or_else(|| arm.refuse("links", expected))?;
         let count = links.len();
-        let per_joint = |key, unit| {
-            let expected = format!("a list of {count} numbers in {unit}, one for each link");
-            let list = arm.optional(key, &expected, |value| section::numbers(value, count))?;
-            Ok(list.unwrap_or_else(|| vec![0.0; count]))
-        };
-        let position = per_joint("position", "rad")?;
-        let velocity = per_joint("velocity", "rad/s")?;
-        let gravity = arm.optional("gravity", "a list of 2 numbers in m/s²", |value| {
-            section::numbers(value, 2)
-        })?;
-        let gravity = gravity.map_or_else(Vector2::zeros, |g| Vector2::new(g[0], g[1]));
+        let per_joint =
+            |key| Ok(arm.optional_list(key, count)?.unwrap_or_else(|| vec![0.0; count]));
+        let (position, velocity) = (per_joint(&POSITION)?, per_joint(&VELOCITY)?);
+        let gravity = Vector2::from(arm.point(&GRAVITY)?);
         let settings = Self { links, gravity, position, velocity };
         if for_joints!(settings.joints(), N => for_axes!(task, M => settings.is_singular::<N, M>()))
         {
@@ -141,16 +200,10 @@ impl ArmSettings {
 }
 
 fn read_link(link: Section<'_>) -> Result<Link<f64>, ScenarioError> {
-    let positive = |key, expected| link.required(key, expected, section::positive);
-    let length = positive("length", "a length in m greater than 0")?;
-    let mass = positive("mass", "a mass in kg greater than 0")?;
-    let center = link
-        .optional("center", "a distance from the joint in m", section::number)?
-        .unwrap_or(length / 2.0);
-    let inertia = positive(
-        "inertia",
-        "a moment of inertia about the centre of mass in kg m², greater than 0",
-    )?;
+    let length = link.number(&LENGTH)?;
+    let mass = link.number(&MASS)?;
+    let center = link.optional_number(&CENTER)?.unwrap_or(length / 2.0);
+    let inertia = link.number(&INERTIA)?;
     link.finish()?;
     Ok(Link { length, mass, center, inertia })
 }

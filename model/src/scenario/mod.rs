@@ -6,11 +6,14 @@
 pub(crate) mod arm;
 mod builtin;
 mod bus;
+mod declared;
 pub mod duration;
-mod error;
+pub(crate) mod error;
+pub(crate) mod key;
 mod law;
 mod link;
 mod live;
+mod reference;
 mod safety;
 pub mod section;
 mod timing;
@@ -25,16 +28,47 @@ pub use builtin::{BUILT_IN, built_in};
 pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, DEFAULT_SPIN, Wait, is_name};
 pub use error::ScenarioError;
 pub use law::{Horizon, LawSettings, MEMORY, MemoryPolicy, MemorySettings, PREDICTION};
-pub use link::{Dropout, Jitter, LinkSettings, Links};
+pub use link::{Dropout, Jitter, LinkSettings, Links, REPLAY_FORMAT};
+pub use reference::{KeyTable, reference, reference_page};
 pub use safety::{OnTimeout, Safety};
 pub use section::{Origin, Section};
 pub use timing::{ClockKind, Timing};
 
+use key::{Default, Form, Parameter, Range, literal};
+
 use crate::{
-    law::{Parameter, describe::Default},
     task::{self, TASKS},
     trajectory::Trajectory,
 };
+
+const DURATION: Parameter = Parameter::new(
+    "duration",
+    Form::Duration(Duration::from_millis(1)),
+    "",
+    Default::Value("\"20 s\""),
+    "How long a run lasts.",
+);
+const SEED: Parameter = Parameter::new(
+    "seed",
+    Form::Whole,
+    "",
+    Default::Value("1"),
+    "Seeds all that is random: noise, jitter and losses.",
+);
+const TASK: Parameter = Parameter::new(
+    "task.kind",
+    Form::Choice(&["plane"]),
+    "",
+    Default::Value("\"plane\""),
+    "What of the tip is controlled: its position in the plane.",
+);
+const NOISE: Parameter = Parameter::new(
+    "sensor.noise",
+    Form::Number(Range::NotNegative),
+    "",
+    Default::Value("0.0"),
+    "Uniform noise of the measured angles and velocities, as a fraction of each magnitude.",
+);
 
 /// A validated experiment.
 #[derive(Clone, Debug, PartialEq)]
@@ -142,12 +176,9 @@ impl Scenario {
     }
 
     fn read(name: &str, root: Section<'_>, text: String) -> Result<Self, ScenarioError> {
-        let second = Duration::from_secs(1);
-        let duration = root.duration("duration", Duration::from_millis(1), Some(20 * second))?;
-        let seed = root.optional("seed", "a whole number, 0 or more", |value| {
-            u64::try_from(value.as_integer()?).ok()
-        })?;
-        let task = read_task(root.optional_section("task")?)?;
+        let duration = root.duration(&DURATION)?;
+        let seed = root.get(&SEED, 1, |value| u64::try_from(value.as_integer()?).ok())?;
+        let task = read_task(root.section_or_empty("task")?)?;
         let arm = ArmSettings::read(root.section("arm")?, task)?;
         let timing = Timing::read(root.section("timing")?, duration)?;
         let law = LawSettings::read(root.section("law")?, task, timing.sample_period)?;
@@ -157,15 +188,15 @@ impl Scenario {
         let scenario = Self {
             name: name.to_owned(),
             duration,
-            seed: seed.unwrap_or(1),
+            seed,
             task,
             trajectory: Trajectory::read(root.section("trajectory")?)?,
             law,
             timing,
-            link: Links::read(root.optional_section("link")?)?,
-            noise: read_noise(root.optional_section("sensor")?)?,
-            bus: BusSettings::read(root.optional_section("bus")?)?,
-            safety: Safety::read(root.optional_section("safety")?, arm.links.len())?,
+            link: Links::read(root.section_or_empty("link")?)?,
+            noise: read_noise(root.section_or_empty("sensor")?)?,
+            bus: BusSettings::read(root.section_or_empty("bus")?)?,
+            safety: Safety::read(root.section_or_empty("safety")?, arm.links.len())?,
             arm,
             text,
         };
@@ -192,8 +223,8 @@ impl Settings {
     /// The value of a parameter that is in effect: the one in the scenario, else the declared default.
     pub fn get(&self, parameter: &Parameter) -> Option<Value> {
         self.find(parameter.key).or_else(|| match parameter.default {
-            Default::Required => None,
-            Default::Value(text) => Some(read_value(text)),
+            Default::Required | Default::Words(_) => None,
+            Default::Value(text) => Some(literal(text)),
             Default::SameAs(key) => self.find(key),
         })
     }
@@ -259,22 +290,16 @@ fn origin(name: &str, overrides: &[Override]) -> Origin {
     Origin::new(name, overrides.iter().map(|set| set.path.clone()).collect())
 }
 
-fn read_task(section: Option<Section<'_>>) -> Result<&'static task::Description, ScenarioError> {
-    let Some(section) = section else { return Ok(&TASKS[0]) };
-    let kinds: Vec<_> = TASKS.iter().map(|task| (task.name, task)).collect();
-    let task = section.choice("kind", &kinds, Some(&TASKS[0]))?;
+fn read_task(section: Section<'_>) -> Result<&'static task::Description, ScenarioError> {
+    let task = section.word(&TASK, &TASKS.each_ref())?;
     section.finish()?;
     Ok(task)
 }
 
-fn read_noise(section: Option<Section<'_>>) -> Result<f64, ScenarioError> {
-    let Some(section) = section else { return Ok(0.0) };
-    let expected = "a fraction of the output's magnitude, 0 or more";
-    let noise = section.optional("noise", expected, |value| {
-        section::number(value).filter(|fraction| *fraction >= 0.0)
-    })?;
+fn read_noise(section: Section<'_>) -> Result<f64, ScenarioError> {
+    let noise = section.number(&NOISE)?;
     section.finish()?;
-    Ok(noise.unwrap_or(0.0))
+    Ok(noise)
 }
 
 /// Puts one value at its dotted path; `arm.links[1].mass` reaches into a list.

@@ -1,10 +1,10 @@
 //! Reads one TOML table; its errors name file, key, value and remedy.
 
-use std::{cell::RefCell, fmt, time::Duration};
+use std::{cell::RefCell, fmt, sync::LazyLock};
 
 use toml::{Table, Value};
 
-use super::{duration, error::ScenarioError};
+use super::error::ScenarioError;
 
 /// Where values came from: a named text, and the keys the command line has put over it.
 #[derive(Clone, Debug)]
@@ -42,6 +42,7 @@ impl Origin {
 
 /// One table of the document. Every key that is asked for becomes a known key; [`Section::finish`]
 /// refuses all others.
+#[derive(Debug)]
 pub struct Section<'a> {
     origin: &'a Origin,
     path: String,
@@ -49,7 +50,7 @@ pub struct Section<'a> {
     known: RefCell<Vec<String>>,
 }
 
-type Read<T> = Result<T, ScenarioError>;
+pub(super) type Read<T> = Result<T, ScenarioError>;
 
 impl<'a> Section<'a> {
     /// The document's root table.
@@ -92,6 +93,13 @@ impl<'a> Section<'a> {
     /// A table below this one, which must be there.
     pub fn section(&self, key: &str) -> Read<Section<'a>> {
         self.optional_section(key)?.ok_or_else(|| self.refuse(key, "a table"))
+    }
+
+    /// A table below this one; an absent one is empty.
+    pub fn section_or_empty(&self, key: &str) -> Read<Section<'a>> {
+        static EMPTY: LazyLock<Table> = LazyLock::new(Table::new);
+        let found = self.optional_section(key)?;
+        Ok(found.unwrap_or_else(|| Section::new(self.origin, self.key(key), &EMPTY)))
     }
 
     /// A table below this one, if it is there.
@@ -150,36 +158,6 @@ impl<'a> Section<'a> {
         chosen.or(default).ok_or_else(|| self.refuse(key, expected))
     }
 
-    /// A duration of at least `least`; `default` when the key is absent.
-    pub fn duration(
-        &self,
-        key: &str,
-        least: Duration,
-        default: Option<Duration>,
-    ) -> Read<Duration> {
-        let expected = format!("{}, at least {}", duration::FORM, duration::format(least));
-        let found = self.optional(key, &expected, |value| {
-            duration::parse(value.as_str()?).filter(|duration| *duration >= least)
-        })?;
-        found.or(default).ok_or_else(|| self.refuse(key, expected))
-    }
-
-    /// Either one number for all axes or a list of `count`.
-    pub fn per_axis(
-        &self,
-        key: &str,
-        count: usize,
-        expected: &str,
-        accept: fn(f64) -> bool,
-    ) -> Read<Option<Vec<f64>>> {
-        self.optional(key, expected, |value| {
-            if let Some(number) = number(value) {
-                return accept(number).then(|| vec![number; count]);
-            }
-            numbers(value, count).filter(|list| list.iter().all(|x| accept(*x)))
-        })
-    }
-
     /// Accepts a key without looking at its value.
     fn know(&self, key: &str) {
         let mut known = self.known.borrow_mut();
@@ -197,11 +175,6 @@ impl<'a> Section<'a> {
 pub fn number(value: &Value) -> Option<f64> {
     let number = value.as_float().or_else(|| value.as_integer().map(|i| i as f64))?;
     number.is_finite().then_some(number)
-}
-
-/// A number greater than zero.
-pub fn positive(value: &Value) -> Option<f64> {
-    number(value).filter(|x| *x > 0.0)
 }
 
 /// Exactly `count` finite numbers.
