@@ -14,8 +14,8 @@ use mtj_model::{
         mtj::ModifiedTransposeJacobian,
     },
     scenario::{
-        BUILT_IN, BusKind, BusSettings, ClockKind, Horizon, MEMORY, MemoryPolicy, OnTimeout,
-        Override, PREDICTION, Scenario, ScenarioError, Wait, built_in,
+        BUILT_IN, BusKind, BusSettings, ClockKind, Horizon, Jitter, MEMORY, MemoryPolicy,
+        OnTimeout, Override, PREDICTION, Scenario, ScenarioError, Wait, built_in,
     },
 };
 
@@ -358,4 +358,23 @@ fn a_parameter_has_the_value_in_effect() {
     assert_eq!(value(&set, "law.kp"), "[30, 40]");
     assert_eq!(value(&set, "law.memory.step"), "\"50ms\"");
     assert_eq!(value(&set, "law.factor.error"), "2");
+}
+
+#[test]
+fn a_relative_path_starts_at_the_folder_of_the_scenarios_file() {
+    let set = ["link.state.jitter={kind='replay', file='net/wan.csv'}".parse().unwrap()];
+    let text = built_in("sampled/mtj").unwrap();
+    for (name, expected) in [
+        ("lab/robots/one.toml", "lab/robots/net/wan.csv"),
+        ("/lab/one.toml", "/lab/net/wan.csv"),
+        ("one.toml", "net/wan.csv"),
+        ("sampled/mtj", "net/wan.csv"),
+    ] {
+        let scenario = Scenario::parse(name, text, &set).unwrap();
+        let again = scenario.changed(&["law.kp=31".parse().unwrap()]).unwrap();
+        for scenario in [scenario, again] {
+            let Jitter::Replay { file } = &scenario.link.state.jitter else { panic!("{name}") };
+            assert_eq!(file.to_str(), Some(expected), "{name}");
+        }
+    }
 }

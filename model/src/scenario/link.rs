@@ -90,11 +90,25 @@ const BAD: Parameter = Parameter::new(
 /// The keys of bursts: the chain of Gilbert and Elliott.
 pub(super) const BURST_KEYS: &[&Parameter] = &[&ENTER, &LEAVE, &GOOD, &BAD];
 
-/// The file of a replay, for the reference.
+/// The format of a replay's file, for the reference of keys.
 pub const REPLAY_FORMAT: &str = "\
-A replay file is CSV without quotes. The first line names the columns; the column `latency_s`,
-`latency_ms`, `latency_us` or `latency_ns` has the latencies, others are ignored. Each further line is one
-message.
+A replay reads a CSV file, without quotes:
+
+```csv
+hop,latency_ms
+router,1.5
+router,lost
+router,20
+```
+
+- The first line names the columns. Latencies are in the column `latency_s`, `latency_ms`, `latency_us`
+  or `latency_ns`; all other columns are ignored.
+- Each further line is one message: its latency, 0 or greater, or `lost`. The first message takes the
+  first line; after the last line the replay begins again.
+- A line whose cells are all empty is skipped, however many columns there are.
+- The latency is *added* to `link.*.latency`. Losses by `link.*.dropout` come on top.
+- A relative path starts at the folder of the scenario's file, also when `--set` gives it; that of a
+  built-in scenario starts at the working directory.
 ";
 
 /// Both directions.
@@ -140,7 +154,7 @@ pub enum Jitter {
     },
     /// As measured: the latencies in a CSV file, one after the other and round again.
     Replay {
-        /// A file with a header line and a column `latency_s`, `_ms`, `_us` or `_ns`.
+        /// A file of the [`REPLAY_FORMAT`].
         file: PathBuf,
     },
 }
@@ -222,7 +236,7 @@ impl Jitter {
             }
             JitterKind::Replay => {
                 let file = section.get(&FILE, 1, |value| value.as_str().map(PathBuf::from))?;
-                Self::Replay { file }
+                Self::Replay { file: section.folder().join(file) }
             }
         };
         section.finish()?;

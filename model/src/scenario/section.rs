@@ -1,10 +1,10 @@
 //! Reads one TOML table; its errors name file, key, value and remedy.
 
-use std::{cell::RefCell, fmt, sync::LazyLock};
+use std::{cell::RefCell, fmt, path::Path, sync::LazyLock};
 
 use toml::{Table, Value};
 
-use super::error::ScenarioError;
+use super::{builtin::built_in, error::ScenarioError};
 
 /// Where values came from: a named text, and the keys the command line has put over it.
 #[derive(Clone, Debug)]
@@ -88,6 +88,14 @@ impl<'a> Section<'a> {
             Some(value) => ScenarioError::Refused { origin, key, value, expected },
             None => ScenarioError::Missing { origin, key, expected },
         }
+    }
+
+    /// The folder of the file that the text came from: where relative paths start. Empty, which is the
+    /// working directory, if it is built in.
+    pub(super) fn folder(&self) -> &'a Path {
+        let name = self.origin.name.as_str();
+        let file = if built_in(name).is_none() { name } else { "" };
+        Path::new(file).parent().unwrap_or(Path::new(""))
     }
 
     /// A table below this one, which must be there.
