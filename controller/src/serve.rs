@@ -1,4 +1,4 @@
-//! The controller as a process: answers the states of whatever plant is on its bus.
+//! A controller on a bus: answers the states of the plant there.
 
 use std::{
     thread,
@@ -37,11 +37,11 @@ impl ServeError {
     }
 }
 
-/// Answers states as long as `proceed` says so: fetches the scenario, waiting for a plant that is not
-/// there yet, and fetches it anew whenever another plant takes the old one's place.
+/// Answers states as long as `proceed` is true: fetches the scenario, waits for a plant that is not
+/// there yet, and fetches the scenario again when another plant replaces the old one.
 ///
-/// Several controllers may serve one plant: it puts one of them in charge, and the others stand by, with
-/// the law computed for every state, so that any of them can take over at the next.
+/// Several controllers may serve one plant. The plant elects one of them to lead; the others stand
+/// by and compute the law for every state, so that any of them can lead from the next one on.
 ///
 /// Waits as the scenario says, unless `wait` says otherwise.
 pub fn serve(

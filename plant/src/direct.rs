@@ -1,6 +1,6 @@
 //! An exchange without a bus: the controller is a function.
 
-use std::time::Instant;
+use std::{fmt, time::Instant};
 
 use mtj_protocol::{
     bus::BusError,
@@ -18,9 +18,15 @@ pub struct Direct<F> {
     answer: Option<Answer>,
 }
 
+impl<F> fmt::Debug for Direct<F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Direct").field("torque", &self.torque).finish_non_exhaustive()
+    }
+}
+
 impl<E, F> Direct<F>
 where
-    E: std::fmt::Display,
+    E: fmt::Display,
     F: FnMut(&StateSample) -> Result<TorqueSample, E>,
 {
     /// An exchange with `respond` for one `run`.
@@ -31,7 +37,7 @@ where
 
 impl<E, F> Exchange for Direct<F>
 where
-    E: std::fmt::Display,
+    E: fmt::Display,
     F: FnMut(&StateSample) -> Result<TorqueSample, E>,
 {
     fn send(&mut self, state: &mut StateSample) -> Result<(), BusError> {

@@ -43,7 +43,8 @@ enum Delay {
     },
 }
 
-/// The longest latency, s, longer than any run: a distribution may have no bounds, the run's time has.
+/// The longest latency, s, longer than any run: a distribution may have no bounds, the run's time
+/// has.
 const LONGEST: f64 = 1e9;
 
 /// Which of the two directions: each has random numbers of its own.
@@ -110,8 +111,8 @@ impl Link {
         }
     }
 
-    /// Draws the latency and the loss of a message, ns. A lost message draws a latency, too, so that losses
-    /// do not change the latencies of other messages.
+    /// Draws the latency and the loss of a message, ns. A lost message draws a latency, too, so
+    /// that losses do not change the latencies of other messages.
     fn draw(&mut self) -> Option<u64> {
         let nanoseconds = |seconds: f64| (seconds.clamp(0.0, LONGEST) * 1e9).round() as u64;
         let latency_ns = match &mut self.delay {

@@ -8,7 +8,7 @@ use mtj_model::scenario::{Override, Scenario, built_in};
 use mtj_plant::{
     direct::Direct,
     plant::{self, Outcome, Watch},
-    trace::Row,
+    trace::TraceRow,
 };
 use mtj_protocol::sample::{StateSample, TorqueSample, padded};
 
@@ -42,13 +42,14 @@ fn springs(state: &StateSample) -> TorqueSample {
     answer(state, torque, [torque[0] + torque[1], torque[1]])
 }
 
-/// Answers with a held torque up to the sample at 0.1 s, and with a number that is none from then on.
+/// Answers with a held torque up to the sample at 0.1 s, and with a number that is none from then
+/// on.
 fn falls_silent(state: &StateSample) -> TorqueSample {
     let torque = if state.header.sequence <= 10 { [1.0, 0.5] } else { [f64::NAN, 0.5] };
     answer(state, torque, [2.0, -3.0])
 }
 
-fn after(outcome: &Outcome, time: f64) -> impl Iterator<Item = &Row> {
+fn after(outcome: &Outcome, time: f64) -> impl Iterator<Item = &TraceRow> {
     outcome.trace.iter().filter(move |row| row.time > time)
 }
 
@@ -98,7 +99,7 @@ fn on_timeout_damp_brakes_the_joints() {
         }
         assert_eq!(row.echo[..2], [0.0, 0.0]);
     }
-    let speed = |row: &Row| row.velocity[0].hypot(row.velocity[1]);
+    let speed = |row: &TraceRow| row.velocity[0].hypot(row.velocity[1]);
     let (first, last) = (&outcome.trace[13], &outcome.trace[99]);
     assert!(speed(last) < 0.1 * speed(first), "{} to {}", speed(first), speed(last));
 }

@@ -1,10 +1,10 @@
-//! What a law says about itself: its name, its parameters and its signals.
+//! The description of a law: its name, its parameters and its signals.
 //!
 //! Displays, recordings and exports draw from this description; none of them knows a law by name.
 
 pub use crate::scenario::key::{Default, Form, Parameter};
 
-/// A law, described.
+/// The description of a law.
 #[derive(Debug, PartialEq)]
 pub struct Description {
     /// The name in scenarios, on the wire and in print.
@@ -15,15 +15,15 @@ pub struct Description {
     pub equation: &'static str,
     /// The keys of the scenario that this law reads, apart from memory and prediction.
     pub parameters: &'static [Parameter],
-    /// What the plant holds beside the torque and returns as `applied` and `delivered`.
+    /// The numbers that the plant holds with the torque and returns as `applied` and `delivered`.
     pub echo: Signal,
     /// Whether the law uses the echo as its memory.
     pub has_memory: bool,
-    /// What the law shows beside the tracking error, in the order of the wire.
+    /// What displays show beside the tracking error, in the order of the wire.
     pub signals: &'static [Signal],
 }
 
-/// A quantity that a law shows: a list of numbers.
+/// A quantity for displays: a list of numbers.
 #[derive(Debug, PartialEq)]
 pub struct Signal {
     /// The name in recordings and exports.

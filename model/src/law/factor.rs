@@ -20,8 +20,8 @@ pub struct Factor<T, const M: usize> {
     pub kind: FactorKind,
     /// ε and ε̇, or e_max and ė_max.
     pub thresholds: Thresholds<T, M>,
-    /// What k is multiplied with: its largest value, if that is not one as in the paper. A held loop of
-    /// eq. (16) is asymptotically stable only below (2 K_d − K_p T_s)/(2 K_d + K_p T_s).
+    /// What k is multiplied with: its largest value, if that is not one as in the paper. A held
+    /// loop of eq. (16) is asymptotically stable only below (2 K_d − K_p T_s)/(2 K_d + K_p T_s).
     pub ceiling: Option<T>,
 }
 
@@ -47,9 +47,9 @@ pub enum Thresholds<T, const M: usize> {
     Each(SVector<T, M>, SVector<T, M>),
 }
 
-/// A task force and what the memory had to do with it.
+/// A task force with its memory term, and the factor k.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Remembered<T, const M: usize> {
+pub struct WithMemory<T, const M: usize> {
     /// Q̂, N.
     pub force: SVector<T, M>,
     /// h, N.
@@ -58,7 +58,7 @@ pub struct Remembered<T, const M: usize> {
     pub factor: SVector<T, M>,
 }
 
-impl<T: Scalar, const M: usize> Remembered<T, M> {
+impl<T: Scalar, const M: usize> WithMemory<T, M> {
     /// τ = Jᵀ Q̂, with k and h as signals.
     #[inline(always)]
     pub fn command<const N: usize>(
@@ -83,7 +83,8 @@ pub(super) const KIND: Parameter = Parameter {
     form: Form::Choice(&["constant", "switch", "exponential", "diagonal"]),
     unit: "",
     default: Default::Value("\"exponential\""),
-    help: "How the regulating factor follows from the error: not at all, or by eq. (14), (15a) or (15b).",
+    help: "How the regulating factor follows from the error: not at all, or by eq. (14), (15a) or \
+           (15b).",
 };
 
 /// law.factor.error.
@@ -219,23 +220,23 @@ impl<T: Scalar, const M: usize> Factor<T, M> {
         Self { kind: FactorKind::Constant, thresholds, ceiling: Some(k) }
     }
 
-    /// Adds h = k · remembered to a task force; `None` at the first step, where k = 0.
+    /// Adds h = k · memory to a task force; no memory at the first step, where k = 0.
     #[inline(always)]
     pub fn add_memory(
         &self,
         force: SVector<T, M>,
         error: &TrackingError<T, M>,
         remembered: Option<&SVector<T, M>>,
-    ) -> Remembered<T, M> {
+    ) -> WithMemory<T, M> {
         let Some(remembered) = remembered else {
             let nothing = SVector::zeros();
-            return Remembered { force, memory: nothing, factor: nothing };
+            return WithMemory { force, memory: nothing, factor: nothing };
         };
         let (factor, memory) = self.regulate(error, remembered);
-        Remembered { force: force + memory, memory, factor }
+        WithMemory { force: force + memory, memory, factor }
     }
 
-    /// k for a tracking error, and k · remembered: without a multiplication where k is one or zero.
+    /// k for a tracking error, and k · memory: without a multiplication where k is one or zero.
     #[inline(always)]
     fn regulate(
         &self,

@@ -1,4 +1,4 @@
-//! The mass M̄ that a law takes the tip to have: `law.mass`.
+//! M̄, the mass of the tip as a law assumes it: `law.mass`.
 
 use nalgebra::SVector;
 
@@ -82,7 +82,8 @@ impl Mass<f64, MAX_AXES> {
 }
 
 impl<T: Scalar, const M: usize> Mass<T, M> {
-    /// M̄ a, N, for an acceleration a, and the condition of what had to be inverted for it.
+    /// M̄ a, N, for an acceleration a, m/s², and the condition number of the matrix inverted for
+    /// it.
     #[inline(always)]
     pub fn times<A: Kinematics<T, N, M>, const N: usize>(
         &self,
@@ -95,7 +96,8 @@ impl<T: Scalar, const M: usize> Mass<T, M> {
             Self::TaskInertia => {
                 let mobility = arm::mobility(&now.arm.inertia(now.at), &now.jacobian());
                 let inertia = matrix::positive_definite_inverse(&mobility);
-                // About the square of J's. Its root would hide a singular J: rounding alone keeps it below 1e9.
+                // About the square of J's. Its root would hide a singular J: rounding alone keeps
+                // it below 1e9.
                 let condition = matrix::size(&mobility) * matrix::size(&inertia);
                 (matrix::times(&inertia, acceleration), condition)
             }

@@ -96,8 +96,8 @@ impl<T: Scalar, const M: usize> Equation<T, M> for ModelBased<T, M> {
     }
 }
 
-/// Ĥ and Ĉ of the model, and |J| |J⁻¹|; infinite where J has no inverse, as for every arm whose Jacobian
-/// is not square.
+/// Ĥ and Ĉ of the model, and |J| |J⁻¹|; infinite where J has no inverse, as for every arm whose
+/// Jacobian is not square.
 #[inline(always)]
 fn task_dynamics<T: Scalar, A: Kinematics<T, N, M>, const N: usize, const M: usize>(
     now: &Situation<'_, T, A, N, M>,

@@ -22,10 +22,10 @@ use crate::{
 /// Q̂ = h + M̄ (ẍ_d − a + K_d ė + K_p e): time-delay control (Youcef-Toumi and Ito, *A time delay
 /// controller for systems with unknown dynamics*, J. Dyn. Sys. Meas. Control 112, 1990).
 ///
-/// Everything that the controller does not know of the arm is in the force and the acceleration of a
-/// moment ago, h − M̄ a; so the error obeys ë + K_d ė + K_p e = 0, without a model. With the memory
-/// `delivered` the inner loop is stable for 0 < M̄ < 2 m at any latency. With M̄ = Ĥ it is incremental
-/// dynamic inversion. K_p in 1/s², K_d in 1/s, M̄ in kg.
+/// Everything that the controller does not know of the arm is in the force and the acceleration of
+/// a moment ago, h − M̄ a; so the error obeys ë + K_d ė + K_p e = 0, without a model. With the
+/// memory `delivered` the inner loop is stable for 0 < M̄ < 2 m at any latency. With M̄ = Ĥ it is
+/// incremental dynamic inversion. K_p in 1/s², K_d in 1/s, M̄ in kg.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeDelay<T, const M: usize> {
     /// K_p.

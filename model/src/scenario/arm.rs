@@ -16,7 +16,7 @@ use crate::{
     JointCount,
     arm::{
         Kinematics,
-        planar::{Configuration, Link, PlanarArm},
+        planar::{Configuration, PlanarArm, RigidLink},
     },
     for_axes, for_joints, task,
 };
@@ -99,28 +99,28 @@ pub struct ArmSettings {
 /// One to seven links: a slice of them whose length is a [`JointCount`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chain {
-    links: Vec<Link<f64>>,
+    links: Vec<RigidLink<f64>>,
     count: JointCount,
 }
 
 impl Chain {
     /// A chain of links, base first; `None` if there are none or too many.
-    pub fn new(links: Vec<Link<f64>>) -> Option<Self> {
+    pub fn new(links: Vec<RigidLink<f64>>) -> Option<Self> {
         let count = JointCount::new(links.len())?;
         Some(Self { links, count })
     }
 }
 
 impl Deref for Chain {
-    type Target = [Link<f64>];
+    type Target = [RigidLink<f64>];
 
-    fn deref(&self) -> &[Link<f64>] {
+    fn deref(&self) -> &[RigidLink<f64>] {
         &self.links
     }
 }
 
 impl DerefMut for Chain {
-    fn deref_mut(&mut self) -> &mut [Link<f64>] {
+    fn deref_mut(&mut self) -> &mut [RigidLink<f64>] {
         &mut self.links
     }
 }
@@ -192,18 +192,19 @@ impl ArmSettings {
         let q = SVector::from_fn(|i, _| self.position[i]);
         let at = Configuration::new(&q, &SVector::zeros());
         let jacobian: SMatrix<f64, M, N> = self.build::<N>().jacobian(&at);
-        // The eigenvalues of J Jᵀ are the squares of the singular values; one joint has one of them.
+        // The eigenvalues of J Jᵀ are the squares of the singular values; one joint has one of
+        // them.
         let squares = DMatrix::from_fn(M, M, |i, j| jacobian.row(i).dot(&jacobian.row(j)));
         let values = squares.symmetric_eigenvalues();
         N >= M && values.min() < SINGULAR * SINGULAR * values.max()
     }
 }
 
-fn read_link(link: Section<'_>) -> Result<Link<f64>, ScenarioError> {
+fn read_link(link: Section<'_>) -> Result<RigidLink<f64>, ScenarioError> {
     let length = link.number(&LENGTH)?;
     let mass = link.number(&MASS)?;
     let center = link.optional_number(&CENTER)?.unwrap_or(length / 2.0);
     let inertia = link.number(&INERTIA)?;
     link.finish()?;
-    Ok(Link { length, mass, center, inertia })
+    Ok(RigidLink { length, mass, center, inertia })
 }

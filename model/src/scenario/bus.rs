@@ -76,7 +76,8 @@ const CERTS: Parameter = Parameter::new(
     Form::Text("the path of a directory of certificates"),
     "",
     Words("none"),
-    "Zenoh: the authority's certificate and the role's own, for mutual TLS; 'mtj certs' makes them.",
+    "Zenoh: the authority's certificate and the role's own, for mutual TLS; 'mtj certs' makes \
+     them.",
 );
 const IDENTITY: Parameter = Parameter::new(
     "bus.identity",
@@ -111,7 +112,7 @@ pub struct BusSettings {
     pub listen: Option<Vec<String>>,
     /// Zenoh: where controller and monitor connect.
     pub connect: Option<Vec<String>>,
-    /// Zenoh: whether peers are sought by multicast; not unless asked for.
+    /// Zenoh: whether peers are sought by multicast; `None` leaves it to the configuration.
     pub scouting: Option<bool>,
     /// Zenoh: a configuration file to start from.
     pub config: Option<PathBuf>,
@@ -119,7 +120,7 @@ pub struct BusSettings {
     pub certs: Option<PathBuf>,
     /// Zenoh: whose certificate it is, if not the role's own.
     pub identity: Option<String>,
-    /// Zenoh: whether to listen beyond this machine to anybody.
+    /// Zenoh: whether to listen beyond this machine without certificates.
     pub insecure: bool,
 }
 
@@ -152,8 +153,8 @@ pub enum Wait {
     Spin,
     /// Sleep until woken.
     Block,
-    /// Look again for so long, then sleep: as quick as [`Wait::Spin`] for what comes soon, and otherwise
-    /// as modest as [`Wait::Block`].
+    /// Look again for so long, then sleep: as quick as [`Wait::Spin`] for what comes soon, and
+    /// otherwise as modest as [`Wait::Block`].
     Hybrid(Duration),
 }
 
@@ -168,13 +169,14 @@ impl Wait {
     }
 }
 
-/// For how long a hybrid wait spins when nobody says otherwise: somewhat longer than a sleeper takes to wake.
+/// For how long a hybrid wait spins by default: somewhat longer than a sleeping thread takes to
+/// wake.
 pub const DEFAULT_SPIN: Duration = Duration::from_micros(100);
 
-/// Where a plant listens when nobody says otherwise.
+/// Where a plant listens by default.
 pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
 
-/// Where it listens then if it has certificates.
+/// Where a plant with certificates listens by default.
 const DEFAULT_TLS_ENDPOINT: &str = "tls/127.0.0.1:7447";
 
 /// The transports an endpoint may name.
@@ -221,16 +223,17 @@ impl BusSettings {
         Ok(settings)
     }
 
-    /// With certificates nothing goes over a link without them; without, there are no links that need them.
+    /// Refuses endpoints without certificates beside certificates, and the other way round.
     fn refuse_mixed(&self, section: &Section<'_>) -> Result<(), ScenarioError> {
         let has_certificates = self.certs.is_some();
         if self.config.is_some() && !has_certificates {
             return Ok(()); // The file may bring its own.
         }
         let expected = if has_certificates {
-            "tls/ or quic/ beside bus.certs: with certificates nobody is heard without one"
+            "tls/ or quic/ beside bus.certs: with certificates every link needs one"
         } else {
-            "tcp/, udp/ or unixsock-stream/, or certificates for tls and quic (--certs DIR; 'mtj certs' makes them)"
+            "tcp/, udp/ or unixsock-stream/, or certificates for tls and quic (--certs DIR; 'mtj \
+             certs' makes them)"
         };
         let fits = |endpoint: &String| {
             let protocol = endpoint.split('/').next().unwrap_or_default();
@@ -245,7 +248,7 @@ impl BusSettings {
     }
 }
 
-/// Whether a session can be called so.
+/// Whether a session can have this name.
 pub fn is_name(text: &str) -> bool {
     let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     !text.is_empty() && text.len() <= 64 && text.chars().all(fits)

@@ -22,27 +22,27 @@ pub struct LawSettings {
     pub memory: MemorySettings,
     /// How far ahead the law aims; `None` for the instant of the sample.
     pub prediction: Option<Horizon>,
-    /// What the masses and inertias of the controller's model are multiplied with.
+    /// The factor on the masses and inertias of the controller's model.
     pub mass_scale: f64,
 }
 
-/// What a law remembers.
+/// The previous-step memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MemorySettings {
-    /// Whose task force.
+    /// Which echo it holds.
     pub policy: MemoryPolicy,
     /// Δt, a whole multiple of the sample period.
     pub step: Duration,
 }
 
-/// Whose task force the previous-step memory holds.
+/// Which echo the previous-step memory holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MemoryPolicy {
-    /// The one the controller computed a step ago: the paper's.
+    /// The one that the controller computed a step ago: the paper's.
     Sent,
     /// The one in effect at the plant at the sampling instant.
     Applied,
-    /// The mean that the plant held over the last memory step.
+    /// The mean of those in effect over the last memory step.
     Delivered,
 }
 
@@ -113,7 +113,7 @@ impl LawSettings {
         Ok(settings)
     }
 
-    /// Whether the law remembers.
+    /// Whether the law has a memory.
     pub fn has_memory(&self) -> bool {
         self.law.description().has_memory
     }

@@ -101,10 +101,10 @@ router,lost
 router,20
 ```
 
-- The first line names the columns. Latencies are in the column `latency_s`, `latency_ms`, `latency_us`
-  or `latency_ns`; all other columns are ignored.
-- Each further line is one message: its latency, 0 or greater, or `lost`. The first message takes the
-  first line; after the last line the replay begins again.
+- The first line names the columns. Latencies are in the column `latency_s`, `latency_ms`,
+  `latency_us` or `latency_ns`; all other columns are ignored.
+- Each further line is one message: its latency, 0 or greater, or `lost`. The first message takes
+  the first line; after the last line the replay begins again.
 - A line whose cells are all empty is skipped, however many columns there are.
 - The latency is *added* to `link.*.latency`. Losses by `link.*.dropout` come on top.
 - A relative path starts at the folder of the scenario's file, also when `--set` gives it; that of a

@@ -1,7 +1,8 @@
 //! One experiment as data.
 //!
-//! A scenario is a TOML text (see `DESIGN` in the README's scenario chapter for the keys). It is
-//! validated once, here; every value of a [`Scenario`] can be trusted.
+//! A scenario is a TOML text; [`reference`](reference()) lists its keys. It is validated once,
+//! here: code that gets a [`Scenario`] trusts its values. Each file holds the keys of one table and
+//! reads them.
 
 pub(crate) mod arm;
 mod builtin;
@@ -100,7 +101,7 @@ pub struct Scenario {
     text: String,
 }
 
-/// The bounds of one key as set on a command line: `law.memory.policy=delivered`.
+/// A key with a value to set over a scenario, like `law.memory.policy=delivered`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Override {
     path: String,
@@ -130,8 +131,8 @@ impl Override {
 }
 
 impl std::fmt::Display for Override {
-    /// As it would be written behind `--set`: quotes are left out unless the text would be read as
-    /// something else without them.
+    /// Writes what may follow `--set`. Quotes are left out where the text is read the same without
+    /// them.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match &self.value {
             Value::String(text) if read_value(text) == self.value => {
@@ -145,8 +146,8 @@ impl std::fmt::Display for Override {
 impl std::str::FromStr for Override {
     type Err = ScenarioError;
 
-    /// Reads `key=value`. The value is TOML; what is not, is taken as a string, so that quotes may
-    /// be left out: `link.torque.latency=1ms`.
+    /// Reads `key=value`. A value that is not TOML is a string, so quotes may be left out:
+    /// `link.torque.latency=1ms`.
     fn from_str(text: &str) -> Result<Self, ScenarioError> {
         let refuse = || ScenarioError::Assignment { text: text.to_owned() };
         let (path, value) = text.split_once('=').ok_or_else(refuse)?;
@@ -158,7 +159,7 @@ impl std::str::FromStr for Override {
     }
 }
 
-/// A TOML value; what is none is a string.
+/// Reads a TOML value; text that is not TOML becomes a string.
 fn read_value(text: &str) -> Value {
     let text = text.trim();
     let mut parsed = toml::from_str::<Table>(&format!("value = {text}")).unwrap_or_default();
@@ -166,7 +167,8 @@ fn read_value(text: &str) -> Value {
 }
 
 impl Scenario {
-    /// Loads a built-in scenario by its name or, failing that, a file, and lays `overrides` over it.
+    /// Loads a built-in scenario by its name or, failing that, a file, and lays `overrides` over
+    /// it.
     pub fn load(name: &str, overrides: &[Override]) -> Result<Self, ScenarioError> {
         Template::load(name)?.with(overrides)
     }
@@ -209,7 +211,7 @@ impl Scenario {
         &self.text
     }
 
-    /// The values of its keys, for displays that show them by their description.
+    /// The values of its keys, for displays.
     pub fn settings(&self) -> Settings {
         Settings(self.text.parse().unwrap_or_default())
     }
@@ -220,7 +222,8 @@ impl Scenario {
 pub struct Settings(Table);
 
 impl Settings {
-    /// The value of a parameter that is in effect: the one in the scenario, else the declared default.
+    /// The value of a parameter that is in effect: the one in the scenario, else the declared
+    /// default.
     pub fn get(&self, parameter: &Parameter) -> Option<Value> {
         self.find(parameter.key).or_else(|| match parameter.default {
             Default::Required | Default::Words(_) => None,
@@ -237,7 +240,7 @@ impl Settings {
     }
 }
 
-/// A scenario's text, read once to be laid over many times.
+/// A scenario's text, parsed once, for many sets of overrides.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Template {
     name: String,

@@ -95,11 +95,11 @@ const REPLAYING: &str = "link.*.jitter";
 const INTRODUCTION: &str = "\
 # Keys of a scenario
 
-A scenario is a TOML file. Any key can be set on the command line, `--set law.kp=40`; quotes may be left
-out. A key that is not in these tables is refused.
+A scenario is a TOML file. Any key can be set on the command line, `--set law.kp=40`; quotes may be
+left out. A key that is not in these tables is refused.
 
 - A **duration** is a string of a number and a unit, ns, us, ms, s, min, h or d: `\"10 ms\"`.
-- A **matrix** is positive definite: one number for all task axes, a list for a diagonal, or a list of
-  rows.
+- A **matrix** is positive definite: one number for all task axes, a list for a diagonal, or a list
+  of rows.
 - A list entry has the path `arm.links[0].mass`.
 ";

@@ -1,4 +1,4 @@
-//! What keeps the arm safe when commands are too large or stay away.
+//! Limits of the torque, and what happens when commands stay away.
 
 use std::time::Duration;
 
@@ -62,8 +62,8 @@ pub struct Safety {
     pub command_timeout: Option<Duration>,
     /// What happens then.
     pub on_timeout: OnTimeout,
-    /// How long the leading controller may leave a state unanswered before another one leads; longer
-    /// than any pause that a loop over a network makes by itself.
+    /// How long the leading controller may leave a state unanswered before another one leads;
+    /// longer than any pause that a loop over a network makes by itself.
     pub lease: Duration,
 }
 

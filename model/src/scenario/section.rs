@@ -6,7 +6,7 @@ use toml::{Table, Value};
 
 use super::{builtin::built_in, error::ScenarioError};
 
-/// Where values came from: a named text, and the keys the command line has put over it.
+/// Where values came from: a named text, and the keys that the command line set over it.
 #[derive(Clone, Debug)]
 pub struct Origin {
     name: String,
@@ -27,7 +27,7 @@ impl Origin {
         if set { "--set".to_owned() } else { self.name.clone() }
     }
 
-    /// Where a key came from that nobody knows: a key set below it may have brought it in.
+    /// Where an unknown key came from: a key that was set below it may have brought it in.
     fn of_unknown(&self, key: &str) -> String {
         let below =
             |path: &String| path.strip_prefix(key).is_some_and(|rest| rest.starts_with(['.', '[']));
@@ -40,7 +40,7 @@ impl Origin {
     }
 }
 
-/// One table of the document. Every key that is asked for becomes a known key; [`Section::finish`]
+/// One table of the document. Every key that is read becomes a known key; [`Section::finish`]
 /// refuses all others.
 #[derive(Debug)]
 pub struct Section<'a> {
@@ -62,7 +62,7 @@ impl<'a> Section<'a> {
         Self { origin, path, table, known: RefCell::default() }
     }
 
-    /// Refuses keys that nobody asked for.
+    /// Refuses keys that were never read.
     pub fn finish(self) -> Read<()> {
         let known = self.known.borrow();
         match self.table.keys().find(|key| !known.contains(key)) {
@@ -90,8 +90,8 @@ impl<'a> Section<'a> {
         }
     }
 
-    /// The folder of the file that the text came from: where relative paths start. Empty, which is the
-    /// working directory, if it is built in.
+    /// The folder of the file that the text came from: where relative paths start. Empty, which is
+    /// the working directory, if it is built in.
     pub(super) fn folder(&self) -> &'a Path {
         let name = self.origin.name.as_str();
         let file = if built_in(name).is_none() { name } else { "" };

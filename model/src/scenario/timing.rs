@@ -47,21 +47,21 @@ pub(super) const KEYS: &[&Parameter] = &[&CLOCK, &SAMPLE_PERIOD, &INTEGRATION_ST
 /// The plant's time base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
-    /// What waiting means.
+    /// Virtual time or wall time.
     pub clock: ClockKind,
     /// T_s.
     pub sample_period: Duration,
-    /// The longest step of the integrator: what was asked for, or 1 ms.
+    /// The longest step of the integrator.
     pub integration_step: Duration,
-    /// Where the integration step is "auto": how large the estimated error of a step may be, in rad and
-    /// rad/s. The lanes of a study choose their steps so; what takes equal steps takes the above.
+    /// Bound of a step's estimated error, rad and rad/s, where the integration step is "auto": for
+    /// the lanes of a study. The scalar path takes equal steps.
     pub tolerance: Option<f64>,
 }
 
 /// The integration step where it is "auto" and steps are equal.
 const STEP: Duration = Duration::from_millis(1);
 
-/// What waiting means to the plant.
+/// How the plant's time passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClockKind {
     /// Virtual time: the plant waits for each answer, however long it takes.
