@@ -14,8 +14,9 @@ use mtj_model::{
         mtj::ModifiedTransposeJacobian,
     },
     scenario::{
-        BUILT_IN, BusKind, BusSettings, ClockKind, Horizon, Jitter, MEMORY, MemoryPolicy,
-        OnTimeout, Override, PREDICTION, Scenario, ScenarioError, Wait, built_in,
+        BUILT_IN, BusKind, BusSettings, ClockKind, DEFAULT_ENDPOINT, DEFAULT_SPIN, Horizon, Jitter,
+        MEMORY, MemoryPolicy, OnTimeout, Override, PREDICTION, Scenario, ScenarioError, Wait,
+        built_in,
     },
 };
 
@@ -107,6 +108,9 @@ fn absent_keys_have_the_documented_defaults() {
     assert_eq!(scenario.safety.torque_limit, None);
     assert_eq!((scenario.bus.wait, scenario.bus.session.as_str()), (Wait::Block, "default"));
     assert_eq!(scenario.bus.scouting, None);
+    assert_eq!(scenario.bus.listen_endpoints(), [DEFAULT_ENDPOINT]);
+    let hybrid = overridden("sampled/mtj", &["bus.wait=hybrid"]).unwrap().bus.wait;
+    assert_eq!(hybrid, Wait::Hybrid(DEFAULT_SPIN));
     assert_eq!(scenario.arm.gravity.norm(), 0.0);
 }
 
