@@ -193,9 +193,16 @@ impl Controller {
         self.answer.error = blank_error(self.law.name());
     }
 
-    /// τ = J_Cᵀ Q̂ for a measured state, with Q̂ from the law. The desired motion is evaluated at
-    /// the sample's own time stamp (plus the prediction horizon), never at the time of arrival. Who
-    /// answers and how long that took is for the port that sends it to fill in.
+    /// Answers a measured state with τ = Jᵀ Q̂, N m.
+    ///
+    /// The desired motion is evaluated at the sample's own time stamp plus the prediction horizon,
+    /// never at the time of arrival. The port that sends the answer fills in which controller it is
+    /// and its residence time.
+    ///
+    /// # Errors
+    ///
+    /// [`LawError::Singular`] where the law needs an inverse that does not exist, and
+    /// [`LawError::Joints`] for a state of another arm.
     pub fn respond(&mut self, state: &StateSample) -> Result<&mut TorqueSample, LawError> {
         self.law.respond(state, &mut self.answer)?;
         Ok(&mut self.answer.torque)

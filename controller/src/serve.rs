@@ -50,10 +50,22 @@ pub fn serve(
     wait: Option<Wait>,
     proceed: &dyn Fn() -> bool,
 ) -> Result<(), ServeError> {
+    serve_with(bus, member, wait, proceed, &|scenario| Ok(Controller::new(scenario)))
+}
+
+/// Serves as [`serve`] does, with the controller that `make` makes of each scenario, like one with a
+/// law of its own.
+pub fn serve_with(
+    bus: &impl Bus,
+    member: &Member,
+    wait: Option<Wait>,
+    proceed: &dyn Fn() -> bool,
+    make: &dyn Fn(&Scenario) -> Result<Controller, LawError>,
+) -> Result<(), ServeError> {
     while let Some(offered) = port::fetch_scenario(bus, proceed)? {
         let wait = wait.unwrap_or(offered.scenario.bus.wait);
         let mut port = ControllerPort::open(bus, member, &offered, wait)?;
-        serve_run(bus, &mut port, &offered.scenario, proceed)?;
+        serve_run(bus, &mut port, make(&offered.scenario)?, proceed)?;
         thread::sleep(PAUSE);
     }
     Ok(())
@@ -63,10 +75,9 @@ pub fn serve(
 fn serve_run(
     bus: &impl Bus,
     port: &mut ControllerPort,
-    scenario: &Scenario,
+    mut controller: Controller,
     proceed: &dyn Fn() -> bool,
 ) -> Result<(), ServeError> {
-    let mut controller = Controller::new(scenario);
     while proceed() {
         match port.receive(Instant::now() + PATIENCE)? {
             Some(Heard::Misled) => return Ok(()),

@@ -206,7 +206,7 @@ fn each_lane_of_an_enum_and_an_option_has_its_own_numbers() {
 }
 
 #[test]
-fn what_shares_no_formula_has_another_shape() {
+fn values_with_different_formulas_have_different_shapes() {
     let shape = |hold, limit| {
         let mut shape = lift::Shape::new();
         Joint { hold, limit }.shape(&mut shape);

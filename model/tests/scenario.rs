@@ -307,7 +307,7 @@ fn only_mb_is_refused_on_a_redundant_arm() {
 }
 
 #[test]
-fn a_running_loop_takes_on_what_is_not_the_run_itself() {
+fn a_running_loop_can_change_keys_that_do_not_define_the_run() {
     let before = overridden("sampled/mtj", &[]).unwrap();
     let change = |sets: &[&str]| {
         let sets: Vec<Override> = sets.iter().map(|set| set.parse().unwrap()).collect();

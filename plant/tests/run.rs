@@ -80,7 +80,7 @@ fn on_timeout_hold_keeps_the_torque() {
 }
 
 #[test]
-fn on_timeout_zero_lets_go_of_the_arm_when_the_timeout_is_over_and_not_before() {
+fn on_timeout_zero_gives_no_torque_once_the_timeout_is_over() {
     let outcome = run(&["safety.command_timeout=25ms", "safety.on_timeout=zero"], falls_silent);
     for row in after(&outcome, 0.0) {
         // The last command came at 0.100 s.
@@ -160,7 +160,7 @@ fn the_same_seed_gives_the_same_noise() {
 }
 
 #[test]
-fn an_arm_that_runs_away_ends_the_run_there() {
+fn a_run_ends_where_it_diverges() {
     let outcome = run(&["duration=20s"], |state| answer(state, [1e6, -1e6], [0.0; 2]));
     assert!(outcome.report.diverged);
     assert!(outcome.report.duration_s < 1.0, "{} s", outcome.report.duration_s);
