@@ -1,5 +1,7 @@
 //! One state sample in, one torque sample out.
 
+use std::fmt;
+
 use mtj_model::{
     arm::planar::{Configuration, PlanarArm},
     for_axes, for_joints,
@@ -15,7 +17,7 @@ use nalgebra::SVector;
 use crate::{
     memory::Memory,
     prediction,
-    responder::{Recollection, Responder, Response, is_singular},
+    responder::{Context, Responder, Response, is_singular},
 };
 
 /// A law with its memory, ready to answer states.
@@ -71,6 +73,16 @@ pub enum LawError {
         /// In the state.
         found: u32,
     },
+}
+
+impl fmt::Debug for Controller {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (law, answer) = (self.law.name(), &self.answer);
+        f.debug_struct("Controller")
+            .field("law", &law)
+            .field("answer", answer)
+            .finish_non_exhaustive()
+    }
 }
 
 impl Controller {
@@ -174,30 +186,38 @@ impl Controller {
         Self { law, make, answer }
     }
 
-    /// Continues under a changed scenario for the same arm. The memory stays, so that a change of something
-    /// else gives the arm no jerk.
+    /// Goes on with a changed scenario for the same arm. The memory stays, so that a change of
+    /// another key gives the arm no jerk.
     pub fn reconfigure(&mut self, scenario: &Scenario) {
         self.law = (self.make)(scenario, Some(self.law.history()));
         self.answer.error = blank_error(self.law.name());
     }
 
-    /// τ = J_Cᵀ Q̂ for a measured state, with Q̂ from the law. The desired motion is evaluated at the
-    /// sample's own time stamp (plus the prediction horizon), never at the time of arrival. Who answers and how
-    /// long that took is for the port that sends it to fill in.
+    /// Answers a measured state with τ = Jᵀ Q̂, N m.
+    ///
+    /// The desired motion is evaluated at the sample's own time stamp plus the prediction horizon,
+    /// never at the time of arrival. The port that sends the answer fills in which controller it is
+    /// and its residence time.
+    ///
+    /// # Errors
+    ///
+    /// [`LawError::Singular`] where the law needs an inverse that does not exist, and
+    /// [`LawError::Joints`] for a state of another arm.
     pub fn respond(&mut self, state: &StateSample) -> Result<&mut TorqueSample, LawError> {
         self.law.respond(state, &mut self.answer)?;
         Ok(&mut self.answer.torque)
     }
 
-    /// Precomputes the part of the next answer that does not depend on the next measurement: the desired motion.
-    /// Call it when the answer to `state` is on its way. Without it, or if the next sample comes at another instant
-    /// than expected, the answer is the same and takes a little longer.
+    /// Precomputes the part of the next answer that does not depend on the next measurement: the
+    /// desired motion. Call it when the answer to `state` is on its way. Without it, or if the next
+    /// sample comes at another instant than expected, the answer is the same and takes a little
+    /// longer.
     pub fn preprocess(&mut self, state: &StateSample) {
         self.law.preprocess(state);
     }
 
-    /// Continues from another controller that answered `state` with `torque`. A memory step that is longer
-    /// than a sample period is known from its next beginning on.
+    /// Continues from another controller that answered `state` with `torque`. A memory step that is
+    /// longer than a sample period is known from its next beginning on.
     pub fn resume_from(
         &mut self,
         state: &StateSample,
@@ -209,12 +229,12 @@ impl Controller {
         Ok(())
     }
 
-    /// How the law saw the instant it answered last.
+    /// The tracking error and signals of the last answer, for displays.
     pub fn error(&self) -> &ErrorSample {
         &self.answer.error
     }
 
-    /// The answer to the last state once more, for a plant that did not get it.
+    /// The last answer again, for a plant that did not get it.
     pub fn answer_again(&mut self, state: &StateSample) -> &mut TorqueSample {
         let torque = &mut self.answer.torque;
         (torque.state_sent_ns, torque.residence_ns) = (state.sent_ns, 0);
@@ -321,7 +341,8 @@ impl<const N: usize, const M: usize, L: Equation<f64, M>> Respond for ArmControl
             return Err(LawError::Joints { expected: N, found: header.joints });
         }
         if state.timed_out != 0 {
-            // The arm stands, or falls, as the plant's safety says: nothing that was before counts.
+            // The plant's safety moved the arm meanwhile: what was before the timeout does not
+            // count.
             self.forget();
         }
         let q = SVector::from_fn(|i, _| state.position[i]);
@@ -329,7 +350,7 @@ impl<const N: usize, const M: usize, L: Equation<f64, M>> Respond for ArmControl
         let time = seconds(header.time_ns);
         let memory = self.memory.as_ref();
         let echo = memory.and_then(|memory| memory.recall(&state.applied, &state.delivered));
-        let recollection = Recollection {
+        let context = Context {
             previous: self.previous,
             horizon: prediction::horizon(self.horizon, state.latency_ns),
             echo,
@@ -338,7 +359,7 @@ impl<const N: usize, const M: usize, L: Equation<f64, M>> Respond for ArmControl
         let at = Configuration::new(&q, &q_dot);
         let shown = &mut answered.error;
         let Response { command, error, tip, .. } =
-            self.responder.respond(time, &at, &recollection, &mut shown.signals);
+            self.responder.respond(time, &at, &context, &mut shown.signals);
         self.previous = Previous { time, velocity: tip.velocity };
         if is_singular(command.condition) {
             return Err(LawError::Singular { law: self.name, time });

@@ -5,7 +5,7 @@ use mtj_model::{
     scenario::{MemoryPolicy, MemorySettings},
 };
 
-/// What the controller remembers, if the policy asks it to remember anything.
+/// The echo that a law gets back.
 ///
 /// `applied` and `delivered` come back from the plant in every state sample, so a controller that
 /// takes over in mid-run knows them at once. Only `sent` is kept here.
@@ -14,7 +14,7 @@ pub struct Memory<const E: usize = MAX_ECHO> {
     policy: MemoryPolicy,
     step_ns: u64,
     latched: [f64; E],
-    /// When the memory step ends in which that was computed, ns; 0 if that is not known.
+    /// When the memory step of `latched` ends, ns; 0 if that is not known.
     step_ends_ns: u64,
     is_first: bool,
 }
@@ -31,21 +31,21 @@ impl<const E: usize> Memory<E> {
         }
     }
 
-    /// Forgets everything: the next [`Memory::recall`] gives nothing.
+    /// Empties the memory: the next [`Memory::recall`] gives nothing.
     pub fn forget(&mut self) {
         self.latched = [0.0; E];
         self.step_ends_ns = 0;
         self.is_first = true;
     }
 
-    /// The same memory under other settings: what was remembered stays.
+    /// The same memory under other settings: its echo stays.
     pub fn reconfigure(self, settings: &MemorySettings) -> Self {
         let changed = Self { policy: settings.policy, ..self };
         let step_ns = settings.step.as_nanos() as u64;
         if step_ns == self.step_ns { changed } else { Self { step_ns, step_ends_ns: 0, ..changed } }
     }
 
-    /// The remembered echo at a sample, from what the plant has `applied` and `delivered`; `None` at the
+    /// The echo for a sample, from what the plant has `applied` and `delivered`; `None` at the
     /// first sample.
     #[inline(always)]
     pub fn recall<'a>(
@@ -60,13 +60,14 @@ impl<const E: usize> Memory<E> {
         })
     }
 
-    /// Remembers the echo computed at a sample taken at `time_ns`: the first one in each memory step is
-    /// latched and serves until the next, so with Δt = T_s it is always the previous one.
+    /// Stores the echo computed at a sample taken at `time_ns`. The first one in each memory step
+    /// is latched and serves until the next step, so with Δt = T_s it is always the previous one.
     #[inline(always)]
     pub fn store(&mut self, time_ns: u64, echo: &[f64; E]) {
         self.is_first = false;
         if time_ns >= self.step_ends_ns {
-            // Divides only after skipped steps: a division takes longer than the rest of this function.
+            // Divides only after skipped steps: a division takes longer than the rest of this
+            // function.
             let next_ns = self.step_ends_ns.saturating_add(self.step_ns);
             self.step_ends_ns = if time_ns < next_ns {
                 next_ns
@@ -77,7 +78,7 @@ impl<const E: usize> Memory<E> {
         }
     }
 
-    /// Remembers another echo for the step of the last sample.
+    /// Replaces the echo of the last sample's memory step.
     pub fn replace(&mut self, echo: &[f64; E]) {
         self.latched = *echo;
     }

@@ -1,4 +1,4 @@
-//! Aiming at the instant the torque takes effect.
+//! Prediction: the tip at the instant that the torque takes effect.
 
 use mtj_model::{
     scalar::Scalar,
@@ -25,7 +25,8 @@ pub fn ahead<T: Scalar, P: Task<T, M>, const M: usize>(
     }
 }
 
-/// How far ahead to aim, in s, when the plant has measured this latency in ns; `None` for not at all.
+/// How far ahead to aim, in s, when the plant has measured this latency in ns; `None` for not at
+/// all.
 pub fn horizon(wanted: Option<Horizon>, latency_ns: u64) -> Option<f64> {
     wanted.map(|horizon| match horizon {
         Horizon::Fixed(horizon) => horizon.as_secs_f64(),

@@ -1,4 +1,4 @@
-//! From a configuration to a command: the part of a controller that remembers nothing.
+//! From a configuration to a command: the part of a controller without memory.
 
 use mtj_model::{
     MAX_AXES,
@@ -29,25 +29,25 @@ pub struct Responder<T, A, const M: usize, L = Law<T, M>> {
 
 lift! { struct Responder<T, A, M> { arm, trajectory, law } }
 
-/// What is remembered, or comes with a sample.
+/// What an answer needs besides the measured configuration.
 #[derive(Clone, Copy, Debug)]
-pub struct Recollection<'a, T, P, const M: usize> {
+pub struct Context<'a, T, P, const M: usize> {
     /// The tip at the sample before.
     pub previous: Previous<T, M>,
     /// How far ahead to aim, s; `None` for not at all.
     pub horizon: Option<T>,
-    /// The remembered echo; `None` at the first sample.
+    /// The echo that the memory holds; `None` at the first sample.
     pub echo: Option<&'a Echo<T>>,
     /// The desired motion at an instant, s, for which it was computed before.
     pub precomputed: Option<(T, Motion<T, P, M>)>,
 }
 
-/// An answer, and how the law saw the instant.
+/// An answer, with the desired motion and the tracking error that it is based on.
 #[derive(Clone, Copy, Debug)]
 pub struct Response<T, P, const N: usize, const M: usize> {
     /// What the law answers.
     pub command: Command<T, N>,
-    /// Where the tip should be at the instant that was aimed at.
+    /// The desired motion at the instant that the law aims at.
     pub desired: Motion<T, P, M>,
     /// e and ė there.
     pub error: TrackingError<T, M>,
@@ -88,19 +88,19 @@ impl<T: Scalar, A, const M: usize, L: Equation<T, M>> Responder<T, A, M, L> {
         &self,
         time: T,
         at: &A::Configuration,
-        recollection: &Recollection<'_, T, A::Point, M>,
+        context: &Context<'_, T, A::Point, M>,
         signals: &mut Signals<T>,
     ) -> Response<T, A::Point, N, M>
     where
         A: Kinematics<T, N, M>,
     {
         let tip = Tip { time, point: self.arm.tip(at), velocity: self.arm.tip_velocity(at) };
-        let acceleration = tip.acceleration_since(&recollection.previous);
-        let aim = match recollection.horizon {
+        let acceleration = tip.acceleration_since(&context.previous);
+        let aim = match context.horizon {
             None => tip,
             Some(horizon) => prediction::ahead(&tip, horizon, &acceleration),
         };
-        let desired = match recollection.precomputed {
+        let desired = match context.precomputed {
             Some((time, motion)) if time == aim.time => motion,
             _ => A::Point::desired(&self.trajectory, aim.time),
         };
@@ -111,7 +111,7 @@ impl<T: Scalar, A, const M: usize, L: Equation<T, M>> Responder<T, A, M, L> {
             desired: &desired,
             error: &error,
             acceleration: &acceleration,
-            memory: recollection.echo,
+            memory: context.echo,
         };
         let command = self.law.command(&now, signals);
         Response { command, desired, error, tip }

@@ -1,4 +1,4 @@
-//! The controller as a process: answers the states of whatever plant is on its bus.
+//! A controller on a bus: answers the states of the plant there.
 
 use std::{
     thread,
@@ -37,11 +37,11 @@ impl ServeError {
     }
 }
 
-/// Answers states as long as `proceed` says so: fetches the scenario, waiting for a plant that is not
-/// there yet, and fetches it anew whenever another plant takes the old one's place.
+/// Answers states as long as `proceed` is true: fetches the scenario, waits for a plant that is not
+/// there yet, and fetches the scenario again when another plant replaces the old one.
 ///
-/// Several controllers may serve one plant: it puts one of them in charge, and the others stand by, with
-/// the law computed for every state, so that any of them can take over at the next.
+/// Several controllers may serve one plant. The plant elects one of them to lead; the others stand
+/// by and compute the law for every state, so that any of them can lead from the next one on.
 ///
 /// Waits as the scenario says, unless `wait` says otherwise.
 pub fn serve(
@@ -50,10 +50,22 @@ pub fn serve(
     wait: Option<Wait>,
     proceed: &dyn Fn() -> bool,
 ) -> Result<(), ServeError> {
+    serve_with(bus, member, wait, proceed, &|scenario| Ok(Controller::new(scenario)))
+}
+
+/// Serves as [`serve`] does, with the controller that `make` makes of each scenario, like one with a
+/// law of its own.
+pub fn serve_with(
+    bus: &impl Bus,
+    member: &Member,
+    wait: Option<Wait>,
+    proceed: &dyn Fn() -> bool,
+    make: &dyn Fn(&Scenario) -> Result<Controller, LawError>,
+) -> Result<(), ServeError> {
     while let Some(offered) = port::fetch_scenario(bus, proceed)? {
         let wait = wait.unwrap_or(offered.scenario.bus.wait);
         let mut port = ControllerPort::open(bus, member, &offered, wait)?;
-        serve_run(bus, &mut port, &offered.scenario, proceed)?;
+        serve_run(bus, &mut port, make(&offered.scenario)?, proceed)?;
         thread::sleep(PAUSE);
     }
     Ok(())
@@ -63,10 +75,9 @@ pub fn serve(
 fn serve_run(
     bus: &impl Bus,
     port: &mut ControllerPort,
-    scenario: &Scenario,
+    mut controller: Controller,
     proceed: &dyn Fn() -> bool,
 ) -> Result<(), ServeError> {
-    let mut controller = Controller::new(scenario);
     while proceed() {
         match port.receive(Instant::now() + PATIENCE)? {
             Some(Received::Misled) => return Ok(()),

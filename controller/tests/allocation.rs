@@ -116,7 +116,7 @@ fn assert_free(links: usize, law: &[&str]) {
 const PREDICTIONS: [&str; 2] = ["law.prediction.horizon=measured", "law.prediction.horizon=5ms"];
 
 #[test]
-fn what_allocates_is_seen() {
+fn an_allocation_is_counted() {
     assert_eq!(allocations(|| drop(vec![1_u8; 100])), 2);
     assert_eq!(allocations(|| ()), 0);
 }

@@ -71,7 +71,8 @@ fn preprocessing_changes_no_answer() {
     for set in ["none", "3ms", "measured"] {
         let set = format!("law.prediction.horizon={set}");
         let (mut preprocessing, mut other) = (controller(&[&set]), controller(&[&set]));
-        // The next sample is mostly of the instant that was to be expected, and sometimes of another.
+        // The next sample is mostly of the instant that was to be expected, and sometimes of
+        // another.
         for (k, late) in
             [0, 10, 20, 30, 41, 51, 61, 71, 71, 90].into_iter().zip([3, 3, 0, 5].repeat(3))
         {

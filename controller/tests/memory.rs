@@ -19,7 +19,7 @@ fn trusting(sets: &[&str]) -> mtj_controller::Controller {
 }
 
 #[test]
-fn sent_remembers_the_answer_before() {
+fn sent_holds_the_answer_before() {
     let mut controller = trusting(&["law.memory.policy=sent"]);
     let mut previous: Option<Plane> = None;
     for k in 0..20 {
@@ -178,7 +178,7 @@ fn mb_aims_with_the_desired_acceleration_of_the_instant_it_aims_at() {
 }
 
 #[test]
-fn a_change_of_scenario_keeps_what_is_remembered() {
+fn a_change_of_scenario_keeps_the_memory() {
     for sets in [
         &["law.memory.policy=sent"][..],
         &["law.memory.policy=sent", "law.memory.step=40ms"],
@@ -198,7 +198,7 @@ fn a_change_of_scenario_keeps_what_is_remembered() {
 }
 
 #[test]
-fn a_law_without_memory_leaves_none_to_the_next() {
+fn a_law_without_memory_leaves_an_empty_one() {
     let mut controller = trusting(&["law.kind=tj"]);
     let mtj = by_hand::scenario("sampled/mtj", &TRUSTING);
     controller.respond(&echoing(0)).unwrap();

@@ -1,5 +1,5 @@
-//! Time-delay control, and the mass with which it and eq. (11) multiply accelerations, against values
-//! worked out by hand in `by_hand`.
+//! Time-delay control, and the mass with which it and eq. (11) multiply accelerations, against
+//! values worked out by hand in `by_hand`.
 
 #![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
 

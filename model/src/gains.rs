@@ -5,7 +5,11 @@ use nalgebra::{SMatrix, SVector};
 use crate::{
     MAX_AXES, lift, matrix,
     scalar::Scalar,
-    scenario::{ScenarioError, Section, section},
+    scenario::{
+        error::ScenarioError,
+        key::Parameter,
+        section::{self, Section},
+    },
 };
 
 /// A positive definite gain matrix over `M` task axes.
@@ -41,26 +45,13 @@ impl<T: Scalar, const M: usize> Gains<T, M> {
 lift! { enum Gains<T, M> { Diagonal(diagonal), Full(full) } }
 
 impl Gains<f64, MAX_AXES> {
-    /// Reads a gain over `axes` task axes; `None` if the key is absent. On axes that the task does not
-    /// have, it is one.
+    /// Reads a gain over `axes` task axes. On axes that the task does not have, it is one.
     pub fn read(
         section: &Section<'_>,
-        key: &str,
+        key: &Parameter,
         axes: usize,
-    ) -> Result<Option<Self>, ScenarioError> {
-        section.optional(key, &Self::form(axes), |value| Self::of(value, axes))
-    }
-
-    /// Reads a gain that must be there.
-    pub fn required(section: &Section<'_>, key: &str, axes: usize) -> Result<Self, ScenarioError> {
-        section.required(key, &Self::form(axes), |value| Self::of(value, axes))
-    }
-
-    /// What is accepted, in words.
-    pub fn form(axes: usize) -> String {
-        format!(
-            "a positive definite gain: one number, a list of {axes} for a diagonal, or {axes} rows of {axes}"
-        )
+    ) -> Result<Self, ScenarioError> {
+        section.get(key, axes, |value| Self::of(value, axes))
     }
 
     /// The gain that a value says, if it is positive definite.

@@ -1,8 +1,8 @@
 //! Several numbers at once: a [`Scalar`] with lanes, and the widest that the processor has.
 //!
-//! What is generic over [`Scalar`] runs on these as it is written. Each lane is computed by itself with
-//! the same IEEE operations, none of them contracted, so that a lane's numbers depend neither on its
-//! neighbours nor on how wide the vectors of the machine are.
+//! What is generic over [`Scalar`] runs on these as it is written. Each lane is computed by itself
+//! with the same IEEE operations, none of them contracted, so that a lane's numbers depend neither
+//! on its neighbours nor on how wide the vectors of the machine are.
 
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64;
@@ -46,18 +46,18 @@ impl<V: Vector> Lanes for Wide<V> {
     }
 }
 
-/// Something to be computed in lanes.
+/// A computation in lanes.
 ///
-/// [`Work::run`] and whatever it calls in its inner loops are to be `#[inline(always)]`: only what is
-/// inlined is compiled for the vectors that were chosen.
+/// [`Work::run`] and whatever it calls in its inner loops are to be `#[inline(always)]`: only what
+/// is inlined is compiled for the vectors that were chosen.
 pub trait Work {
-    /// What it results in.
+    /// Its result.
     type Output;
     /// Computes it with numbers of one width.
     fn run<T: Lanes>(self) -> Self::Output;
 }
 
-/// How wide the vectors are.
+/// The width of the vectors that lanes are computed in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Width(Kind);
 
@@ -88,7 +88,7 @@ impl Width {
         Self(Kind::Plain)
     }
 
-    /// All that this machine has.
+    /// All widths that this machine has.
     pub fn all() -> Vec<Self> {
         let widest = Self::widest();
         let mut all = vec![Self(Kind::Plain)];
@@ -102,7 +102,7 @@ impl Width {
         all
     }
 
-    /// Does some work with vectors of this width.
+    /// Runs a computation with vectors of this width.
     pub fn run<W: Work>(self, work: W) -> W::Output {
         match self.0 {
             Kind::Plain => work.run::<Wide<[f64; 4]>>(),

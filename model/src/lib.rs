@@ -12,7 +12,7 @@
 //! | [`JointCount`] | how many joints an arm has, as a value and as a static dimension |
 //! | [`gains`] | the positive definite matrices K_p and K_d |
 //! | [`law`] | the control laws, one file each |
-//! | [`scenario`] | one experiment as data: TOML in, validated values out |
+//! | [`scenario`] | one experiment as data: TOML in, validated values out; the reference of all keys |
 //! | [`scene`] | what displays draw of it: the arm, the desired path, the tracking error |
 //!
 //! Equation numbers refer to Moosavian and Papadopoulos, *Modified transpose Jacobian control of

@@ -1,8 +1,8 @@
-//! Values whose numbers can be put into lanes.
+//! Lifting: the same value with another number type, also in lanes.
 //!
-//! Settings are read with plain numbers and for as many task axes as there can be. [`Lift`] turns them
-//! into the same value with another number type and as many axes as a task has. Which fields that
-//! concerns is declared once, beside the type:
+//! Settings are read with plain numbers and for as many task axes as there can be. [`Lift`] turns
+//! them into the same value with another number type and as many axes as a task has. Which fields
+//! that concerns is declared once, beside the type:
 //!
 //! ```
 //! use mtj_model::{lift, lift::Lift};
@@ -21,19 +21,20 @@ use nalgebra::{SMatrix, SVector, Vector2};
 
 use crate::{MAX_AXES, lanes::Lanes, scalar::Scalar};
 
-/// What decides which formulas are evaluated: values of one shape can share lanes.
+/// The choices in a value that decide which formulas are evaluated; values of one shape share
+/// lanes.
 pub type Shape = Vec<u8>;
 
-/// A value with plain numbers that exists with other numbers, too.
+/// A value of plain numbers that can be lifted to another number type.
 pub trait Lift {
     /// The value with numbers `T` and `M` task axes.
     type In<T: Scalar, const M: usize>;
 
-    /// Appends what values must have in common to share lanes.
+    /// Appends the value's shape.
     fn shape(&self, shape: &mut Shape);
-    /// The same value; in lanes, the same in all of them.
+    /// The same value with numbers `T`; in lanes, the same in all of them.
     fn lift<T: Scalar, const M: usize>(&self) -> Self::In<T, M>;
-    /// Puts the numbers into one lane of a value of the same shape.
+    /// Puts the value's numbers into one lane of a value of the same shape.
     fn put<T: Lanes, const M: usize>(&self, all: &mut Self::In<T, M>, lane: usize);
 }
 
@@ -130,8 +131,9 @@ impl<X: Lift> Lift for Option<X> {
 
 /// Declares the fields of a struct, or the variants of an enum, for [`Lift`].
 ///
-/// The type has no parameters, a number `<T>`, a number and the task axes `<T, M>`, a number and the
-/// joints `<T; N>`, or a number, an arm and the task axes `<T, A, M>`. An enum without fields decides by its variants alone.
+/// The type has no parameters, a number `<T>`, a number and the task axes `<T, M>`, a number and
+/// the joints `<T; N>`, or a number, an arm and the task axes `<T, A, M>`. An enum without fields
+/// decides by its variants alone.
 #[macro_export]
 macro_rules! lift {
     (struct $name:ident<T> { $($field:ident),* $(,)? }) => {

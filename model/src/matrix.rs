@@ -87,8 +87,8 @@ pub fn inverse<T: Scalar, const M: usize>(a: &SMatrix<T, M, M>) -> SMatrix<T, M,
     inverse
 }
 
-/// Solves A x = b for a symmetric positive definite A by the factorisation A = L D Lᵀ, which needs no
-/// square roots.
+/// Solves A x = b for a symmetric positive definite A by the factorisation A = L D Lᵀ, which needs
+/// no square roots.
 ///
 /// No pivoting, hence no branches: a pivot that is not positive, which a mass matrix never has,
 /// shows as a solution that is not finite or far off.

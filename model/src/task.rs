@@ -1,13 +1,13 @@
 //! Tasks: what of the tip is controlled, and the tracking error.
 //!
-//! A task is known by the type of its points. [`Task`] is the only place that knows how to compare two
-//! points and how to move one, so that an orientation need not be a vector. The tracking error is
-//! computed here and nowhere else.
+//! A task is known by the type of its points. [`Task`] is the only place that knows how to compare
+//! two points and how to move one, so that an orientation need not be a vector. The tracking error
+//! is computed here and nowhere else.
 //!
 //! # A task of one's own
 //!
-//! A direction in the plane. Two directions differ by at most half a turn, which a plain difference of
-//! angles would miss:
+//! A direction in the plane. Two directions differ by at most half a turn, which a plain difference
+//! of angles would miss:
 //!
 //! ```
 //! use std::f64::consts::{PI, TAU};
@@ -97,7 +97,8 @@ pub struct Tip<T, P, const M: usize> {
 }
 
 impl<T: Scalar, P: Task<T, M>, const M: usize> Tip<T, P, M> {
-    /// a = (v_k − v_{k−1})/(t_k − t_{k−1}) since an earlier sample, m/s²; zero where there was none.
+    /// a = (v_k − v_{k−1})/(t_k − t_{k−1}) since an earlier sample, m/s²; zero where there was
+    /// none.
     #[inline(always)]
     pub fn acceleration_since(&self, previous: &Previous<T, M>) -> SVector<T, M> {
         let period = self.time - previous.time;
@@ -110,10 +111,10 @@ impl<T: Scalar, P: Task<T, M>, const M: usize> Tip<T, P, M> {
     }
 }
 
-/// What is remembered of the tip at the sample before.
+/// The tip at the sample before: its time and velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Previous<T, const M: usize> {
-    /// s; infinite if there was none.
+    /// s; infinite if there was none, so that lanes need no branch.
     pub time: T,
     /// m/s.
     pub velocity: SVector<T, M>,
@@ -136,7 +137,7 @@ pub struct TrackingError<T, const M: usize> {
 }
 
 impl<T: Scalar, const M: usize> TrackingError<T, M> {
-    /// Of a tip, from a desired motion.
+    /// The error of a tip against a desired motion.
     #[inline(always)]
     pub fn between<P: Task<T, M>>(desired: &Motion<T, P, M>, tip: &Tip<T, P, M>) -> Self {
         Self {
@@ -146,7 +147,7 @@ impl<T: Scalar, const M: usize> TrackingError<T, M> {
     }
 }
 
-/// A task, described.
+/// The description of a task.
 #[derive(Debug, PartialEq)]
 pub struct Description {
     /// The name in scenarios.
@@ -165,7 +166,7 @@ pub struct Axis {
 }
 
 /// The registry of tasks.
-pub const TASKS: &[Description] = &[Description {
+pub const TASKS: [Description; 1] = [Description {
     name: "plane",
     axes: &[Axis { name: "x", unit: "m" }, Axis { name: "y", unit: "m" }],
 }];

@@ -4,7 +4,7 @@ use nalgebra::{SVector, Vector2};
 
 use crate::{lift, scalar::Scalar};
 
-/// Where the tip should be and how it should move there, for a task whose points are `P`.
+/// A desired point with its first and second derivatives, for a task whose points are `P`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion<T, P, const M: usize> {
     /// The point, m.
@@ -63,8 +63,8 @@ pub struct PointToPoint<T> {
 type PlaneMotion<T> = Motion<T, Vector2<T>, 2>;
 
 impl<T: Scalar> Trajectory<T> {
-    /// The desired motion at `time` seconds, in a task whose points are positions: its first axes are
-    /// those of the plane, and any other rests at zero.
+    /// The desired motion at `time` seconds, in a task whose points are positions: its first axes
+    /// are those of the plane, and any other rests at zero.
     #[inline(always)]
     pub fn at<const M: usize>(&self, time: T) -> Motion<T, SVector<T, M>, M> {
         let Motion { point, velocity, acceleration } = self.in_plane(time);

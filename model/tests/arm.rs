@@ -4,17 +4,17 @@
 use mtj_model::{
     arm::{
         Arm, Kinematics, TaskDynamics, mobility,
-        planar::{Configuration, Link, PlanarArm},
+        planar::{Configuration, PlanarArm, RigidLink},
     },
     matrix,
 };
 use nalgebra::{SMatrix, SVector, Vector2};
 
-fn links<const N: usize>() -> [Link<f64>; N] {
+fn links<const N: usize>() -> [RigidLink<f64>; N] {
     std::array::from_fn(|i| {
         let i = i as f64;
         let length = 1.0 - 0.09 * i;
-        Link {
+        RigidLink {
             length,
             mass: 4.0 - 0.5 * i,
             center: 0.45 * length + 0.01 * i,
@@ -33,7 +33,7 @@ fn rates<const N: usize>() -> SVector<f64, N> {
 
 /// Kinetic energy, from the velocity of each centre of mass by central differences of its position.
 fn kinetic_energy<const N: usize>(
-    links: &[Link<f64>; N],
+    links: &[RigidLink<f64>; N],
     q: &SVector<f64, N>,
     q_dot: &SVector<f64, N>,
 ) -> f64 {
@@ -50,7 +50,7 @@ fn kinetic_energy<const N: usize>(
     energy
 }
 
-fn centers<const N: usize>(links: &[Link<f64>; N], q: &SVector<f64, N>) -> [Vector2<f64>; N] {
+fn centers<const N: usize>(links: &[RigidLink<f64>; N], q: &SVector<f64, N>) -> [Vector2<f64>; N] {
     let mut joint = Vector2::zeros();
     let mut angle = 0.0;
     std::array::from_fn(|i| {
@@ -63,7 +63,7 @@ fn centers<const N: usize>(links: &[Link<f64>; N], q: &SVector<f64, N>) -> [Vect
 }
 
 fn potential_energy<const N: usize>(
-    links: &[Link<f64>; N],
+    links: &[RigidLink<f64>; N],
     gravity: &Vector2<f64>,
     q: &SVector<f64, N>,
 ) -> f64 {
@@ -218,7 +218,7 @@ fn task_dynamics_give_the_force_that_makes_the_tip_accelerate() {
 
 #[test]
 fn the_arm_works_in_single_precision_too() {
-    let links = links::<3>().map(|link| Link {
+    let links = links::<3>().map(|link| RigidLink {
         length: link.length as f32,
         mass: link.mass as f32,
         center: link.center as f32,

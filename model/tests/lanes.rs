@@ -5,7 +5,7 @@
 use mtj_model::{
     arm::{
         Arm,
-        planar::{Configuration, Link, PlanarArm},
+        planar::{Configuration, PlanarArm, RigidLink},
     },
     lanes::{Lanes, Width, Work},
     lift,
@@ -72,7 +72,7 @@ impl Function for Ceiling {
 impl Function for Acceleration {
     fn of<T: Lanes>(&self, x: T) -> T {
         let c = T::constant;
-        let link = Link { length: c(0.7), mass: c(3.0), center: c(0.3), inertia: c(0.2) };
+        let link = RigidLink { length: c(0.7), mass: c(3.0), center: c(0.3), inertia: c(0.2) };
         let arm = PlanarArm::new(&[link; 3], Vector2::new(T::zero(), c(-9.81)));
         let q = SVector::<T, 3>::new(x, x * c(0.3), -x);
         let torque = SVector::<T, 3>::new(c(4.0), x, c(-1.0));
@@ -206,7 +206,7 @@ fn each_lane_of_an_enum_and_an_option_has_its_own_numbers() {
 }
 
 #[test]
-fn what_shares_no_formula_has_another_shape() {
+fn values_with_different_formulas_have_different_shapes() {
     let shape = |hold, limit| {
         let mut shape = lift::Shape::new();
         Joint { hold, limit }.shape(&mut shape);

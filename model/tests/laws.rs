@@ -6,7 +6,7 @@ use mtj_model::{
 };
 
 #[test]
-fn what_any_law_shows_and_hands_over_fits_into_a_sample() {
+fn signals_and_echo_of_every_law_fit_into_a_sample() {
     for law in LAWS {
         for joints in 1..=MAX_JOINTS {
             for axes in 1..=MAX_AXES {

@@ -14,8 +14,9 @@ use mtj_model::{
         mtj::ModifiedTransposeJacobian,
     },
     scenario::{
-        BUILT_IN, BusKind, BusSettings, ClockKind, Horizon, MEMORY, MemoryPolicy, OnTimeout,
-        Override, PREDICTION, Scenario, ScenarioError, Wait, built_in,
+        BUILT_IN, BusKind, BusSettings, ClockKind, DEFAULT_ENDPOINT, DEFAULT_SPIN, Horizon, Jitter,
+        MEMORY, MemoryPolicy, OnTimeout, Override, PREDICTION, Scenario, ScenarioError, Wait,
+        built_in,
     },
 };
 
@@ -104,9 +105,12 @@ fn absent_keys_have_the_documented_defaults() {
     assert_eq!(scenario.task.name, "plane");
     assert_eq!(scenario.link.state.latency, Duration::ZERO);
     assert_eq!(scenario.safety.command_timeout, None);
-    assert_eq!(scenario.safety.torque_limit, [f64::INFINITY; 2]);
+    assert_eq!(scenario.safety.torque_limit, None);
     assert_eq!((scenario.bus.wait, scenario.bus.session.as_str()), (Wait::Block, "default"));
     assert_eq!(scenario.bus.scouting, None);
+    assert_eq!(scenario.bus.listen_endpoints(), [DEFAULT_ENDPOINT]);
+    let hybrid = overridden("sampled/mtj", &["bus.wait=hybrid"]).unwrap().bus.wait;
+    assert_eq!(hybrid, Wait::Hybrid(DEFAULT_SPIN));
     assert_eq!(scenario.arm.gravity.norm(), 0.0);
 }
 
@@ -180,8 +184,8 @@ fn a_refusal_names_origin_key_and_value() {
         ("law.kind=pid", &["law.kind = \"pid\"", "\"tj\", \"mtj\", \"mb\", \"tdc\""][..]),
         ("law.gain=3", &["law.gain = 3", "no key 'gain'", "kp"]),
         ("speed=3", &["speed = 3", "no key 'speed'", "duration"]),
-        ("arm.links[1].mass=-3", &["arm.links[1].mass = -3", "mass in kg greater than 0"]),
-        ("arm.links[0].length=0.0", &["arm.links[0].length = 0.0", "length in m"]),
+        ("arm.links[1].mass=-3", &["arm.links[1].mass = -3", "a number in kg greater than 0"]),
+        ("arm.links[0].length=0.0", &["arm.links[0].length = 0.0", "a number in m"]),
         ("arm.links[0].inertia=nan", &["arm.links[0].inertia = nan", "inertia"]),
         ("arm.links=[]", &["arm.links", "1 to 7 links"]),
         ("arm.position=[0.0, 0.0]", &["arm.position", "singular"]),
@@ -303,7 +307,7 @@ fn only_mb_is_refused_on_a_redundant_arm() {
 }
 
 #[test]
-fn a_running_loop_takes_on_what_is_not_the_run_itself() {
+fn a_running_loop_can_change_keys_that_do_not_define_the_run() {
     let before = overridden("sampled/mtj", &[]).unwrap();
     let change = |sets: &[&str]| {
         let sets: Vec<Override> = sets.iter().map(|set| set.parse().unwrap()).collect();
@@ -358,4 +362,23 @@ fn a_parameter_has_the_value_in_effect() {
     assert_eq!(value(&set, "law.kp"), "[30, 40]");
     assert_eq!(value(&set, "law.memory.step"), "\"50ms\"");
     assert_eq!(value(&set, "law.factor.error"), "2");
+}
+
+#[test]
+fn a_relative_path_starts_at_the_folder_of_the_scenarios_file() {
+    let set = ["link.state.jitter={kind='replay', file='net/wan.csv'}".parse().unwrap()];
+    let text = built_in("sampled/mtj").unwrap();
+    for (name, expected) in [
+        ("lab/robots/one.toml", "lab/robots/net/wan.csv"),
+        ("/lab/one.toml", "/lab/net/wan.csv"),
+        ("one.toml", "net/wan.csv"),
+        ("sampled/mtj", "net/wan.csv"),
+    ] {
+        let scenario = Scenario::parse(name, text, &set).unwrap();
+        let again = scenario.changed(&["law.kp=31".parse().unwrap()]).unwrap();
+        for scenario in [scenario, again] {
+            let Jitter::Replay { file } = &scenario.link.state.jitter else { panic!("{name}") };
+            assert_eq!(file.to_str(), Some(expected), "{name}");
+        }
+    }
 }

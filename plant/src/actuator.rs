@@ -1,4 +1,4 @@
-//! The zero-order hold: what torque is in effect, since when, and what echo came with it.
+//! The actuator: holds the newest torque and its echo until the next command (zero-order hold).
 
 use std::collections::VecDeque;
 
@@ -10,18 +10,18 @@ use mtj_protocol::sample::TorqueSample;
 
 use crate::engine::Drive;
 
-/// A torque on its way to the arm, with what the law hands over beside it.
+/// A torque with its echo, on its way to the arm or in effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
     /// Number of the sample that it answers.
     pub sequence: u64,
-    /// When that was taken, ns.
+    /// When that sample was taken, ns.
     pub sampled_ns: u64,
     /// N m.
     pub torque: [f64; N],
-    /// To be held with the torque, and scaled with it.
+    /// The law's echo: held with the torque, and scaled with it.
     pub echo: [f64; E],
-    /// How many numbers of the echo are meant.
+    /// How many numbers the echo has.
     pub echo_count: u64,
 }
 
@@ -33,15 +33,16 @@ impl From<&TorqueSample> for Command {
     }
 }
 
-/// Holds the last command, of `N` joints and an echo of `E` numbers, and remembers what it has delivered.
+/// Holds the last command, of `N` joints and an echo of `E` numbers, and integrates the echo over
+/// time.
 #[derive(Clone, Debug)]
 pub struct Actuator<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
     limit: [f64; N],
     on_timeout: OnTimeout,
     drive: Drive<N>,
-    /// What the law handed over beside the torque, scaled with it.
+    /// The echo in effect, scaled with its torque.
     echo: [f64; E],
-    /// Its integral up to `integrated_ns`.
+    /// The integral of the echo up to `integrated_ns`.
     impulse: [f64; E],
     integrated_ns: u64,
     /// The impulse at the last sampling instants, back to the one at which a memory step began.
@@ -55,7 +56,7 @@ pub struct Actuator<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
 }
 
 impl<const N: usize, const E: usize> Actuator<N, E> {
-    /// At rest: no torque, no echo.
+    /// An actuator without torque and echo.
     pub fn new(scenario: &Scenario) -> Self {
         Self {
             limit: limits(scenario),
@@ -73,7 +74,7 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         }
     }
 
-    /// Takes on limits, reaction to a timeout and memory step of a scenario that was changed.
+    /// Takes limits, reaction to a timeout and memory step from a changed scenario.
     pub fn reconfigure(&mut self, scenario: &Scenario) {
         self.limit = limits(scenario);
         self.on_timeout = scenario.safety.on_timeout;
@@ -113,7 +114,7 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         true
     }
 
-    /// No fresh command has come for too long.
+    /// Ends the hold: no fresh command came within the timeout.
     pub fn time_out(&mut self, time_ns: u64) {
         self.integrate(time_ns);
         self.has_timed_out = true;
@@ -125,7 +126,7 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         self.echo = [0.0; _];
     }
 
-    /// What acts on the joints.
+    /// What acts on the joints: the held torque, or damping.
     pub fn drive(&self) -> &Drive<N> {
         &self.drive
     }
@@ -146,9 +147,9 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         self.echo
     }
 
-    /// The mean echo over the memory step that ends at `time_ns`, a sampling instant; what
-    /// was before the run counts as zero. Just after a sample period was changed a step may begin between
-    /// two sampling instants; the echo is then taken as even between them.
+    /// The mean echo over the memory step that ends at `time_ns`, a sampling instant. Before the
+    /// run the echo counts as zero. Just after a change of the sample period, a step may begin
+    /// between two sampling instants; the impulse is then interpolated linearly.
     #[inline(always)]
     pub fn delivered(&mut self, time_ns: u64, step_ns: u64) -> [f64; E] {
         self.integrate(time_ns);
@@ -179,7 +180,7 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         self.latency_ns
     }
 
-    /// Whether commands have stayed away for too long, and still do.
+    /// Whether the timeout is in effect: no command has come since.
     pub fn has_timed_out(&self) -> bool {
         self.has_timed_out
     }
@@ -201,7 +202,7 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
 
 fn limits<const N: usize>(scenario: &Scenario) -> [f64; N] {
     let mut limit = [f64::INFINITY; _];
-    for (limit, joint) in limit.iter_mut().zip(&scenario.safety.torque_limit) {
+    for (limit, joint) in limit.iter_mut().zip(scenario.safety.torque_limit.iter().flatten()) {
         *limit = *joint;
     }
     limit

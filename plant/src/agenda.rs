@@ -6,7 +6,7 @@ use mtj_protocol::sample::StateSample;
 
 use crate::actuator::Command;
 
-/// Something that happens at an instant.
+/// An event of the loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
     /// A command leaves the torque link and takes effect.
@@ -14,7 +14,7 @@ pub enum Event {
     /// The command timeout is over if no more than this number of commands have come into effect.
     Timeout(u64),
     /// The disturbance with this number ends.
-    Undisturbed(u64),
+    EndDisturbance(u64),
     /// A state leaves the state link and goes to the controller.
     Deliver(StateSample),
     /// The state is measured.
@@ -22,20 +22,20 @@ pub enum Event {
 }
 
 impl Event {
-    /// What comes first of what happens at the same instant: commands before the samples that are
-    /// to see them, so that a latency of a whole period means the same in either direction.
+    /// Order at the same instant: commands come before the samples that are to see them, so that a
+    /// latency of a whole period means the same in either direction.
     fn rank(&self) -> u8 {
         match self {
             Self::Arrive(_) => 0,
             Self::Timeout(_) => 1,
-            Self::Undisturbed(_) => 2,
+            Self::EndDisturbance(_) => 2,
             Self::Deliver(_) => 3,
             Self::Sample => 4,
         }
     }
 
-    /// Whether the arm is looked at or acted on. What merely travels must not divide an integration
-    /// step, so that a latency gives the same trajectory, bit for bit, in whichever direction it is.
+    /// Whether the event reads or moves the arm. A message that merely travels must not divide an
+    /// integration step: a latency gives the same trajectory, bit for bit, in either direction.
     pub fn concerns_the_arm(&self) -> bool {
         !matches!(self, Self::Deliver(_))
     }
@@ -57,12 +57,12 @@ struct Entry {
 }
 
 impl Agenda {
-    /// An empty agenda with room for all that can be under way at once.
+    /// An empty agenda with room for all events that can be pending at once.
     pub fn new() -> Self {
         Self { heap: BinaryHeap::with_capacity(1024), entries: 0 }
     }
 
-    /// Notes an event at `time_ns`, ns since the run began.
+    /// Adds an event at `time_ns`, ns since the run began.
     pub fn push(&mut self, time_ns: u64, event: Event) {
         let entry = Entry { time_ns, rank: event.rank(), number: self.entries, event };
         self.entries += 1;

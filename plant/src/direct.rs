@@ -1,6 +1,6 @@
 //! An exchange without a bus: the controller is a function.
 
-use std::time::Instant;
+use std::{fmt, time::Instant};
 
 use mtj_protocol::{
     admission::{Admission, AdmissionFilter, Rejection},
@@ -16,6 +16,12 @@ pub struct Direct<F> {
     filter: AdmissionFilter,
     torque: TorqueSample,
     answer: Option<Answer>,
+}
+
+impl<F> fmt::Debug for Direct<F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Direct").field("torque", &self.torque).finish_non_exhaustive()
+    }
 }
 
 impl<E, F> Direct<F>

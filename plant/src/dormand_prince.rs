@@ -1,9 +1,9 @@
-//! The arm in motion, many arms at once: an integrator whose steps follow from an error bound.
+//! An integrator of many arms at once, in lanes, whose steps follow from an error bound.
 //!
-//! The method is the fifth-order one of J. R. Dormand and P. J. Prince (*A family of embedded Runge–Kutta
-//! formulae*, J. Comp. Appl. Math. 6, 1980), whose seven rates of change also give a fourth-order
-//! result; the difference of the two is the estimated error of a step. Each lane has its own time, its
-//! own steps and its own bound.
+//! The method is the fifth-order one of J. R. Dormand and P. J. Prince (*A family of embedded
+//! Runge–Kutta formulae*, J. Comp. Appl. Math. 6, 1980), whose seven rates of change also give a
+//! fourth-order result; the difference of the two is the estimated error of a step. Each lane has
+//! its own time, its own steps and its own bound.
 //!
 //! The scalar reference is [`crate::engine`].
 
@@ -20,11 +20,12 @@ const GROWTH: f64 = 4.0;
 const CAUTION: f64 = 0.9;
 
 /// An arm in each lane, integrated to where its next event is.
+#[derive(Debug)]
 pub struct DormandPrince<T: Lanes, A: Arm<T, N>, const N: usize> {
     /// The arms.
     pub arm: A,
-    /// The most that the estimated error of a step may be: Σ over the joints of the errors of q in rad
-    /// and of q̇ in rad/s.
+    /// The most that the estimated error of a step may be: Σ over the joints of the errors of q in
+    /// rad and of q̇ in rad/s.
     pub tolerance: T,
     /// q, rad.
     pub position: SVector<T, N>,
@@ -72,7 +73,7 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         self.tolerance.set(lane, tolerance);
     }
 
-    /// Takes notice of states that were set.
+    /// Recomputes the configurations after [`Self::place`].
     #[inline(always)]
     pub fn settle(&mut self) {
         self.configuration = A::configuration(&self.position, &self.velocity);
@@ -99,8 +100,8 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         (Rate { velocity, acceleration: self.acceleration(&at) }, position, at)
     }
 
-    /// Tries a step towards the next event in every lane that has not reached it. Where the estimated
-    /// error is beyond the bound nothing moves, and the next step will be shorter.
+    /// Tries a step towards the next event in every lane that has not reached it. Where the
+    /// estimated error is beyond the bound nothing moves, and the next step will be shorter.
     #[inline(always)]
     pub fn step(&mut self) {
         let c = T::constant;
@@ -183,9 +184,10 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
     }
 
     /// The step whose error would be within the bound, from that of a step `h`: the error of the
-    /// fourth-order result grows with h⁵. Of its fifth root r^⅕ we take r^¼ to shorten a step and r^³⁄₁₆ to
-    /// lengthen it, which are near, on the safe side, and made of square roots. A step that an event cut
-    /// short, and whose error says nothing against the longer one before it, leaves that as it is.
+    /// fourth-order result grows with h⁵. Of its fifth root r^⅕ we take r^¼ to shorten a step and
+    /// r^³⁄₁₆ to lengthen it, which are near, on the safe side, and made of square roots. A step
+    /// that an event cut short, and whose error says nothing against the longer one before it,
+    /// leaves that as it is.
     #[inline(always)]
     fn next_step(&self, h: T, error: T) -> T {
         let c = T::constant;
@@ -212,13 +214,14 @@ struct Rate<T, const N: usize> {
 
 /// ∫|q̇| dt over a step of one joint, rad, from the angle Δq it turned and its speeds at both ends.
 ///
-/// That is |Δq| where it turned one way. Where it turned back, the motion is taken as the cubic through
-/// both ends: its speed is v₀ + b s + a s² with s from 0 to 1, and the turning point its zero.
+/// That is |Δq| where it turned one way. Where it turned back, the motion is taken as the cubic
+/// through both ends: its speed is v₀ + b s + a s² with s from 0 to 1, and the turning point its
+/// zero.
 #[inline(always)]
 fn path<T: Lanes>(h: T, turned: T, v0: T, v1: T) -> T {
     let c = T::constant;
     let one_way = turned.abs();
-    // Turning points are rare; and who has none does not see whether others have.
+    // Turning points are rare, and a lane's result does not depend on those of other lanes.
     if !(v0 * v1).is_any_below(T::zero()) {
         return one_way;
     }

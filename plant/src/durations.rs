@@ -1,4 +1,4 @@
-//! How durations were distributed over a run.
+//! Histograms of durations.
 
 use hdrhistogram::Histogram;
 use serde::{Deserialize, Serialize};
@@ -19,6 +19,7 @@ pub struct Percentiles {
 }
 
 /// Durations, counted in buckets of 0.1 % from 1 ns to a minute. Recording allocates nothing.
+#[derive(Debug)]
 pub struct Durations(Histogram<u64>);
 
 const LONGEST_NS: u64 = 60_000_000_000;

@@ -61,7 +61,8 @@ pub enum LinkError {
     },
     /// A line has something else than a latency.
     #[error(
-        "{}, line {line}: '{value}' is not accepted: expected a latency, a number 0 or greater",
+        "{}, line {line}: '{value}' is not accepted: expected a latency, a number 0 or greater, or \
+         lost",
         file.display()
     )]
     Latency {

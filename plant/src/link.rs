@@ -1,4 +1,8 @@
-//! One direction between plant and controller: how long what enters it travels, and what is lost.
+//! An emulated network link: how long messages of one direction travel, and which are lost.
+//!
+//! A replay takes latencies and losses from a CSV file. Its format is
+//! [`REPLAY_FORMAT`](mtj_model::scenario::REPLAY_FORMAT): a header that names a column `latency_s`,
+//! `latency_ms`, `latency_us` or `latency_ns`, and then a latency, or `lost`, for each message.
 
 use std::path::Path;
 
@@ -32,14 +36,15 @@ enum Delay {
     Normal(Normal<f64>),
     /// In s, mean included.
     Gamma(Gamma<f64>),
-    /// In ns, the link's own not included.
+    /// In ns, the link's own not included; `None` for a message that is lost.
     Replay {
-        latencies: Vec<u64>,
+        latencies: Vec<Option<u64>>,
         next: usize,
     },
 }
 
-/// The longest latency, s, longer than any run: a distribution may have no bounds, the run's time has.
+/// The longest latency, s, longer than any run: a distribution may have no bounds, the run's time
+/// has.
 const LONGEST: f64 = 1e9;
 
 /// Which of the two directions: each has random numbers of its own.
@@ -106,24 +111,25 @@ impl Link {
         }
     }
 
-    /// Draws the latency and the loss of a message, ns. A lost message draws a latency, too, so that losses
-    /// do not change the latencies of other messages.
+    /// Draws the latency and the loss of a message, ns. A lost message draws a latency, too, so
+    /// that losses do not change the latencies of other messages.
     fn draw(&mut self) -> Option<u64> {
         let nanoseconds = |seconds: f64| (seconds.clamp(0.0, LONGEST) * 1e9).round() as u64;
         let latency_ns = match &mut self.delay {
-            Delay::Constant => self.latency_ns,
+            Delay::Constant => Some(self.latency_ns),
             Delay::Uniform(mean, spread) => {
-                nanoseconds(*mean + *spread * (2.0 * fraction(&mut self.delays) - 1.0))
+                Some(nanoseconds(*mean + *spread * (2.0 * fraction(&mut self.delays) - 1.0)))
             }
-            Delay::Normal(normal) => nanoseconds(normal.sample(&mut self.delays)),
-            Delay::Gamma(gamma) => nanoseconds(gamma.sample(&mut self.delays)),
+            Delay::Normal(normal) => Some(nanoseconds(normal.sample(&mut self.delays))),
+            Delay::Gamma(gamma) => Some(nanoseconds(gamma.sample(&mut self.delays))),
             Delay::Replay { latencies, next } => {
                 let measured_ns = latencies[*next];
                 *next = (*next + 1) % latencies.len();
-                self.latency_ns.saturating_add(measured_ns)
+                measured_ns.map(|measured_ns| self.latency_ns.saturating_add(measured_ns))
             }
         };
-        (!self.loses()).then_some(latency_ns)
+        let is_lost = self.loses();
+        latency_ns.filter(|_| !is_lost)
     }
 
     fn loses(&mut self) -> bool {
@@ -140,9 +146,11 @@ impl Link {
     }
 }
 
-/// Reads the latencies of a replay: the column that the header calls `latency_s`, `_ms`, `_us` or
-/// `_ns`.
-fn read_latencies(file: &Path) -> Result<Vec<u64>, LinkError> {
+/// The word for a message that is lost.
+const LOST: &str = "lost";
+
+/// Reads the latencies of a replay, ns; `None` for a message that is lost.
+fn read_latencies(file: &Path) -> Result<Vec<Option<u64>>, LinkError> {
     let named = || file.to_owned();
     let text = std::fs::read_to_string(file)
         .map_err(|source| LinkError::Unreadable { file: named(), source })?;
@@ -157,14 +165,19 @@ fn read_latencies(file: &Path) -> Result<Vec<u64>, LinkError> {
         })
         .ok_or_else(|| LinkError::NoColumn { file: named() })?;
     let mut latencies = Vec::new();
-    for (number, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
+    let is_blank = |line: &str| line.split(',').all(|cell| cell.trim().is_empty());
+    for (number, line) in lines.filter(|(_, line)| !is_blank(line)) {
         let value = line.split(',').nth(column).unwrap_or_default().trim();
+        if value == LOST {
+            latencies.push(None);
+            continue;
+        }
         let nanoseconds = value.parse::<f64>().ok().map(|latency| latency * unit);
         let latency =
             nanoseconds.filter(|nanoseconds| (0.0..1e18).contains(nanoseconds)).ok_or_else(
                 || LinkError::Latency { file: named(), line: number + 1, value: value.to_owned() },
             )?;
-        latencies.push(latency.round() as u64);
+        latencies.push(Some(latency.round() as u64));
     }
     if latencies.is_empty() {
         return Err(LinkError::Empty { file: named() });
@@ -253,6 +266,20 @@ mod tests {
     }
 
     #[test]
+    fn a_replay_loses_what_was_lost_and_skips_blank_lines_in_any_number_of_columns() {
+        let file = std::env::temp_dir().join(format!("mtj-losses-{}.csv", std::process::id()));
+        for text in
+            ["latency_us\n\n1000\nlost\n \n0\n", "hop,latency_ms\n,\na,1\nb, lost\n , \nc,0\n"]
+        {
+            std::fs::write(&file, text).unwrap();
+            let mut link = link(Jitter::Replay { file: file.clone() }, Dropout::None);
+            let transits: Vec<_> = (0..4).map(|_| link.transit_ns()).collect();
+            assert_eq!(transits, [Some(6_000_000), None, Some(5_000_000), Some(6_000_000)]);
+        }
+        std::fs::remove_file(&file).unwrap();
+    }
+
+    #[test]
     fn measured_latencies_are_replayed_in_their_order_and_round_again() {
         let file = std::env::temp_dir().join(format!("mtj-latencies-{}.csv", std::process::id()));
         std::fs::write(&file, "hop,latency_ms\na,1.5\nb,0\n\nc,20\n").unwrap();
@@ -263,6 +290,7 @@ mod tests {
             ("latency\n1\n", "names no column"),
             ("latency_s\n", "no latencies"),
             ("latency_s\n1\n-2\n", "line 3"),
+            ("hop,latency_s\na,1\nb,\n", "line 3"),
         ] {
             std::fs::write(&file, text).unwrap();
             let error = read_latencies(&file).unwrap_err().to_string();

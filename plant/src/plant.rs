@@ -25,13 +25,13 @@ use crate::{
     request::{self, Answers, Changeable},
     sensor::Sensor,
     sequencer::{Commands, Departure, Sequencer, nanoseconds},
-    trace::Row,
+    trace::TraceRow,
     tracking::{Tracked, Tracking},
 };
 
 /// How often to repeat the first state until a controller answers it.
 const RENDEZVOUS: Duration = Duration::from_millis(20);
-/// How often to look for requests while the run stands still.
+/// How often to look for requests during a pause.
 const GLANCE: Duration = Duration::from_millis(20);
 /// For how many samples of a trace there is room from the beginning; a longer one grows.
 const TRACED: u128 = 1 << 20;
@@ -39,23 +39,24 @@ const TRACED: u128 = 1 << 20;
 const STATUS_PERIOD_NS: u64 = 20_000_000;
 
 /// A run's outcome.
+#[derive(Debug)]
 pub struct Outcome {
     /// Its measures.
     pub report: Report,
     /// Every sampling instant, if asked for.
-    pub trace: Vec<Row>,
+    pub trace: Vec<TraceRow>,
     /// All round trips, if asked for.
     pub round_trips: Durations,
     /// Whether the run was stopped before its end.
     pub interrupted: bool,
-    /// The scenario of the run that was asked for instead of this one's end.
+    /// The scenario of the next run, if this one was ended by a reset.
     pub reset: Option<Scenario>,
 }
 
 /// How a run is watched.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Watch {
-    /// Keep a [`Row`] for each sampling instant.
+    /// Keep a [`TraceRow`] for each sampling instant.
     pub trace: bool,
     /// Read clocks to measure round trips: only where the exchange crosses a bus.
     pub round_trips: bool,
@@ -75,8 +76,9 @@ pub fn run(
 
 /// Runs a scenario as [`run`] does, with an engine of one's own in place of the scenario's arm.
 ///
-/// The engine begins at the scenario's initial state. What reports and traces say of the tip follows
-/// from its joint angles and the scenario's arm. [`crate::engine`] shows how to write an engine.
+/// The engine begins at the scenario's initial state. What reports and traces say of the tip
+/// follows from its joint angles and the scenario's arm. [`crate::engine`] shows how to write an
+/// engine.
 pub fn run_engine(
     scenario: &Scenario,
     run: u64,
@@ -99,7 +101,7 @@ pub fn run_engine(
 }
 
 struct Plant<'a, C> {
-    /// As it is by now: requests change it.
+    /// The current scenario; requests change it.
     scenario: Scenario,
     peer: Peer<'a>,
     /// Of the newest sample.
@@ -112,7 +114,7 @@ struct Plant<'a, C> {
     clock: C,
     next_status_ns: u64,
     measures: Measures,
-    trace: Option<Vec<Row>>,
+    trace: Option<Vec<TraceRow>>,
     answers: Answers,
     /// Counts disturbances, so that only the end of the newest one ends it.
     disturbances: u64,
@@ -210,7 +212,7 @@ impl<'a, C: Clock> Plant<'a, C> {
             Event::Deliver(state) => self.deliver(time_ns, state)?,
             Event::Arrive(command) => self.apply(time_ns, &command),
             Event::Timeout(commands) => self.sequencer.time_out(commands, time_ns),
-            Event::Undisturbed(disturbance) => {
+            Event::EndDisturbance(disturbance) => {
                 if disturbance == self.disturbances {
                     self.engine.disturb([0.0; _]);
                 }
@@ -219,8 +221,8 @@ impl<'a, C: Clock> Plant<'a, C> {
         Ok(())
     }
 
-    /// Takes the first sample and repeats it until a controller answers; then the clock starts, with
-    /// that answer in hand.
+    /// Takes the first sample and repeats it until a controller answers; then the clock starts,
+    /// with that answer in hand.
     fn meet_controller(&mut self) -> Result<(), BusError> {
         let mut state = self.measure(0);
         self.set_deadline(0);
@@ -275,7 +277,7 @@ impl<'a, C: Clock> Plant<'a, C> {
         self.measures.sample(time_ns, matrix::squared_norm(&SVector::from(error)));
         let actuator = self.sequencer.actuator();
         if let Some(trace) = &mut self.trace {
-            trace.push(Row {
+            trace.push(TraceRow {
                 time: time_ns as f64 * 1e-9,
                 position: truth.position,
                 velocity: truth.velocity,
@@ -313,7 +315,7 @@ impl<'a, C: Clock> Plant<'a, C> {
         Ok(())
     }
 
-    /// Sends a torque that came to the arm.
+    /// Sends a torque that came on its way to the arm.
     fn take(&mut self, heard: Heard) {
         match heard {
             Heard::Nothing => {}
@@ -344,8 +346,8 @@ impl<'a, C: Clock> Plant<'a, C> {
         }
     }
 
-    /// Deals with the requests that have come; they are in effect from the sample at `time_ns` on, which
-    /// has not been taken yet.
+    /// Handles the requests that have come. They are in effect from the sample at `time_ns` on,
+    /// which is not taken yet.
     fn attend(&mut self, time_ns: u64) -> Result<(), BusError> {
         for _ in 0..request::AT_A_TIME {
             let Some(request) = self.peer.exchange().request()? else { break };
@@ -366,8 +368,8 @@ impl<'a, C: Clock> Plant<'a, C> {
         Ok(())
     }
 
-    /// Offers the scenario if it was changed since this revision, before the first sample of the new
-    /// one, so that a controller can fetch it there.
+    /// Offers the scenario if it was changed since this revision, before the first sample of the
+    /// new one, so that a controller can fetch it there.
     fn offer_changes(&mut self, revision: u32) -> Result<(), BusError> {
         if self.header.revision == revision {
             return Ok(());
@@ -419,7 +421,7 @@ impl<'a, C: Clock> Plant<'a, C> {
         let truth = self.engine.state();
         let report =
             self.measures.report(&self.scenario, &self.sequencer, truth.time_ns, truth.energy);
-        // The gate counts what is not acceptable, also what nobody asked for.
+        // The gate also counts samples that answer no state.
         let rejected = self.peer.exchange().rejected();
         let takeovers = self.peer.exchange().takeovers();
         let (round_trips, residences) = self.peer.into_durations();
@@ -467,7 +469,7 @@ impl<C: Clock> Changeable for BeforeSample<'_, '_, C> {
         plant.advance(self.time_ns);
         plant.disturbances += 1;
         plant.engine.disturb(torque);
-        let end = Event::Undisturbed(plant.disturbances);
+        let end = Event::EndDisturbance(plant.disturbances);
         plant.agenda.push(self.time_ns + duration_ns, end);
     }
 

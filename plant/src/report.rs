@@ -33,15 +33,15 @@ pub struct Report {
     pub peak_torque_nm: Vec<f64>,
     /// rms over the commands of ‖τ_k − τ_{k−1}‖, N m.
     pub torque_step_rms_nm: Option<f64>,
-    /// Whether the arm ran away; the run ended there.
+    /// Whether the run diverged; it ended there.
     pub diverged: bool,
-    /// What became of the commands.
+    /// Counts of the commands.
     pub commands: Commands,
     /// Sampling instants reached only after the next was due; null in lockstep.
     pub deadline_misses: Option<u64>,
     /// How often commands stayed away for longer than the command timeout.
     pub timeouts: u64,
-    /// How often another controller took charge.
+    /// How often another controller began to lead.
     pub takeovers: u64,
     /// The longest time without a fresh command; null in lockstep.
     pub longest_gap_us: Option<f64>,
@@ -52,6 +52,7 @@ pub struct Report {
 }
 
 /// Running sums from which a [`Report`] is made, for an arm of `N` joints or fewer.
+#[derive(Debug)]
 pub struct Measures<const N: usize = MAX_JOINTS> {
     half_ns: u64,
     samples: u64,
@@ -80,7 +81,7 @@ impl<const N: usize> Measures<N> {
         }
     }
 
-    /// Takes in the true tracking error at a sampling instant.
+    /// Adds the true tracking error of a sampling instant.
     #[inline(always)]
     pub fn sample(&mut self, time_ns: u64, squared_error: f64) {
         self.samples += 1;
@@ -91,7 +92,7 @@ impl<const N: usize> Measures<N> {
         }
     }
 
-    /// Takes in a torque that came into effect.
+    /// Adds a torque that came into effect.
     #[inline(always)]
     pub fn command(&mut self, torque: &[f64; N]) {
         for (peak, torque) in self.peak_torque.iter_mut().zip(torque) {
@@ -113,7 +114,8 @@ impl<const N: usize> Measures<N> {
         self.samples
     }
 
-    /// The measures of a run that ended at `time_ns` after so much work, J; those of wall time are null.
+    /// The measures of a run that ended at `time_ns` after so much work, J; those of wall time are
+    /// null.
     pub fn report<const E: usize>(
         &self,
         scenario: &Scenario,

@@ -1,4 +1,4 @@
-//! Requests to change a running loop: each is carried out once, and answered as often as it comes.
+//! Requests of operators: each is carried out once, and answered as often as it comes.
 
 use std::collections::VecDeque;
 
@@ -10,20 +10,20 @@ use mtj_protocol::{
 
 use crate::error::Refusal;
 
-/// How many requests are dealt with at a time, so that a flood of them does not hold up the loop.
+/// How many requests are handled at a time, so that a flood of them does not hold up the loop.
 pub(crate) const AT_A_TIME: usize = 8;
-/// How many answers are remembered for requests that come again.
+/// How many answers are kept for requests that come again.
 const REMEMBERED: usize = 64;
 
-/// A loop that requests change between two samples.
+/// A loop that requests can change between two samples.
 pub(crate) trait Changeable {
-    /// The scenario as it is by now.
+    /// The current scenario.
     fn scenario(&self) -> &Scenario;
     /// Goes on with a changed scenario.
     fn change(&mut self, scenario: Scenario) -> Result<(), Refusal>;
-    /// A torque acts beside the actuator's from now on for so long, N m.
+    /// Disturbs the arm with a torque, N m, for so long.
     fn disturb(&mut self, torque: Joints, duration_ns: u64);
-    /// Lets the run stand still, or go on.
+    /// Pauses the run, or resumes it.
     fn pause(&mut self, is_paused: bool);
     /// Ends the run; another one follows.
     fn reset(&mut self);
@@ -51,12 +51,12 @@ pub(crate) fn carry_out(
     Ok(())
 }
 
-/// What became of the newest requests.
+/// The answers to the newest requests.
 #[derive(Default)]
 pub(crate) struct Answers(VecDeque<ChangeSample>);
 
 impl Answers {
-    /// What became of a request that was dealt with before.
+    /// The answer to a request that was handled before.
     pub(crate) fn to(&self, request: &RequestSample) -> Option<ChangeSample> {
         self.0.iter().find(|change| change.request == request.header.sequence).copied()
     }

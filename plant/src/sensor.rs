@@ -1,4 +1,4 @@
-//! What the plant knows of its own state.
+//! The sensor: measured angles and velocities.
 
 use std::f64::consts::PI;
 

@@ -1,16 +1,17 @@
 //! The rules of the loop, as a state machine without clock, transport and arm.
 //!
-//! The plant's event loop drives one [`Sequencer`], each lane of a sweep another. It is to be called in
-//! order of time, and at one instant in the order of [`crate::agenda`].
+//! The plant's event loop drives one [`Sequencer`], each lane of a sweep another. It is to be
+//! called in order of time, and at one instant in the order of [`crate::agenda`].
 //!
 //! - **Meeting.** The first state is never lost on its link, because the two ends must meet.
-//! - **Overtaking.** A state is not handed over if a newer one was; a command does not take effect if a
-//!   newer one is in effect.
-//! - **Arrival.** A torque sets out when its state was answered; its link says when it arrives, or loses it.
-//! - **Hold.** The [`Actuator`] holds torque and echo; a command older than the command timeout does not
-//!   take effect, and a timeout ends the hold.
-//! - **Counting.** A state counts as sent when it is handed over, its command as lost, rejected or applied
-//!   when that happens.
+//! - **Overtaking.** A state is not handed over if a newer one was; a command does not take effect
+//!   if a newer one is in effect.
+//! - **Arrival.** A torque sets out when its state was answered; its link says when it arrives, or
+//!   loses it.
+//! - **Hold.** The [`Actuator`] holds torque and echo; a command older than the command timeout
+//!   does not take effect, and a timeout ends the hold.
+//! - **Counting.** A state counts as sent when it is handed over, its command as lost, rejected or
+//!   applied when that happens.
 //! - **Divergence.** A joint speed of [`RUNAWAY`] or more, or one that is not a number, ends a run.
 
 use std::time::Duration;
@@ -27,7 +28,7 @@ use crate::{
 /// A joint speed that no arm reaches, rad/s: from it on a run has diverged.
 pub const RUNAWAY: f64 = 1e4;
 
-/// What became of the commands that the plant asked for.
+/// Counts of the commands that the plant asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Commands {
     /// States handed to the controller, each asking for a command.
@@ -54,6 +55,7 @@ pub enum Departure {
 }
 
 /// The loop of an arm of `N` joints, or fewer, and a law with an echo of `E` numbers, or fewer.
+#[derive(Debug)]
 pub struct Sequencer<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
     period_ns: u64,
     memory_step_ns: u64,
@@ -91,8 +93,8 @@ impl<const N: usize, const E: usize> Sequencer<N, E> {
         })
     }
 
-    /// Takes on a scenario that was changed from `before` between two samples; if it fails, nothing
-    /// changes. A link that is as before goes on with its random numbers.
+    /// Takes over a scenario that was changed from `before` between two samples. If that fails,
+    /// nothing changes. A link that is as before goes on with its random numbers.
     pub fn reconfigure(&mut self, before: &Scenario, scenario: &Scenario) -> Result<(), LinkError> {
         let (links, before) = (&scenario.link, &before.link);
         let changed = |settings, before, direction| {
@@ -123,8 +125,8 @@ impl<const N: usize, const E: usize> Sequencer<N, E> {
         sequence
     }
 
-    /// Draws how long the state of this number travels, ns; `None` if it is lost. To be called once for
-    /// each number, in their order.
+    /// Draws how long the state of this number travels, ns; `None` if it is lost. To be called once
+    /// for each number, in their order.
     #[inline(always)]
     pub fn state_transit(&mut self, sequence: u64) -> Option<u64> {
         let transit_ns = self.state_link.transit_ns();
@@ -166,8 +168,8 @@ impl<const N: usize, const E: usize> Sequencer<N, E> {
         }
     }
 
-    /// Puts a command into effect at `time_ns`; false, and lost, if a newer one has overtaken it, or if
-    /// it is so old that the arm had to be made safe: what was under way when a link broke is not for now.
+    /// Puts a command into effect at `time_ns`; false, and lost, if a newer one has overtaken it,
+    /// or if it is older than the command timeout.
     #[inline(always)]
     pub fn apply(&mut self, command: &Command<N, E>, time_ns: u64) -> bool {
         let age_ns = time_ns.saturating_sub(command.sampled_ns);
@@ -181,14 +183,14 @@ impl<const N: usize, const E: usize> Sequencer<N, E> {
         is_applied
     }
 
-    /// When commands have stayed away for too long if none comes after `time_ns`, and how many have come
-    /// into effect by then.
+    /// When commands have stayed away for too long if none comes after `time_ns`, and how many have
+    /// come into effect by then.
     pub fn deadline(&self, time_ns: u64) -> Option<(u64, u64)> {
         self.timeout_ns.map(|timeout| (time_ns + timeout, self.actuator.commands()))
     }
 
-    /// The end of a deadline: if no more than this number of commands have come into effect, none has
-    /// come for too long.
+    /// The end of a deadline: if no more than this number of commands have come into effect, none
+    /// has come for too long.
     pub fn time_out(&mut self, commands: u64, time_ns: u64) {
         if commands == self.actuator.commands() {
             self.timeouts += 1;
@@ -196,7 +198,7 @@ impl<const N: usize, const E: usize> Sequencer<N, E> {
         }
     }
 
-    /// Takes in true joint velocities, rad/s.
+    /// Checks true joint velocities, rad/s, for divergence.
     #[inline(always)]
     pub fn observe(&mut self, velocity: &[f64; N]) {
         // Written so that a NaN counts as diverged.
@@ -219,13 +221,13 @@ impl<const N: usize, const E: usize> Sequencer<N, E> {
         self.actuator.delivered(time_ns, self.memory_step_ns)
     }
 
-    /// What is held.
+    /// The actuator.
     #[inline(always)]
     pub fn actuator(&self) -> &Actuator<N, E> {
         &self.actuator
     }
 
-    /// Whether the arm ran away.
+    /// Whether the run has diverged.
     #[inline(always)]
     pub fn has_diverged(&self) -> bool {
         self.has_diverged

@@ -40,7 +40,7 @@ impl fmt::Display for Report {
             });
             writeln!(
                 f,
-                "  charge          {} takeovers, {} timeouts{gap}",
+                "  leader          {} takeovers, {} timeouts{gap}",
                 self.takeovers, self.timeouts
             )?;
         }

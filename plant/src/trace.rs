@@ -1,13 +1,13 @@
-//! Every sampling instant of a run, for plots and for comparing runs bit by bit.
+//! The trace of a run: every sampling instant, for plots and for comparing runs bit by bit.
 
 use std::io::{self, Write};
 
 use mtj_model::{scenario::Scenario, task::Axis};
 use mtj_protocol::sample::{Axes, Echo, Joints};
 
-/// What was true at one sampling instant. Nothing in it depends on wall time, unless the run does.
+/// The true state at one sampling instant. Nothing in it depends on wall time, unless the run does.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
+pub struct TraceRow {
     /// s.
     pub time: f64,
     /// True joint angles, rad.
@@ -27,7 +27,7 @@ pub struct Row {
 }
 
 /// Writes rows as CSV with a header line; numbers are printed so that they read back exactly.
-pub fn write_csv(out: &mut impl Write, scenario: &Scenario, rows: &[Row]) -> io::Result<()> {
+pub fn write_csv(out: &mut impl Write, scenario: &Scenario, rows: &[TraceRow]) -> io::Result<()> {
     let (joints, axes) = (scenario.arm.links.len(), scenario.task.axes);
     let echo = &scenario.law.law.description().echo;
     let echoed = echo.per.count(joints, axes.len());

@@ -1,4 +1,4 @@
-//! Where the tip is in truth, and how far that is from where it should be.
+//! The true tip and its tracking error.
 
 use mtj_model::{
     arm::{Kinematics, planar::Configuration},
@@ -14,21 +14,21 @@ use crate::engine::State;
 
 /// The truth about the tip at an instant; entries past the task's axes are zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tracked {
+pub(crate) struct Tracked {
     /// The tip, m.
-    pub tip: Axes,
+    pub(crate) tip: Axes,
     /// Where it should be, m.
-    pub desired: Axes,
+    pub(crate) desired: Axes,
     /// e = desired ⊖ actual, m.
-    pub error: Axes,
+    pub(crate) error: Axes,
 }
 
-/// Tells the truth about the tip of a scenario's arm from its state.
-pub struct Tracking(Box<dyn Fn(&State) -> Tracked>);
+/// Computes the true tip of a scenario's arm from its state.
+pub(crate) struct Tracking(Box<dyn Fn(&State) -> Tracked>);
 
 impl Tracking {
     /// With the kinematics of a scenario's arm and its desired motion.
-    pub fn new(scenario: &Scenario) -> Self {
+    pub(crate) fn new(scenario: &Scenario) -> Self {
         let trajectory = scenario.trajectory;
         Self(for_joints!(scenario.arm.joints(), N => for_axes!(scenario.task, M => {
             let arm = scenario.arm.build::<N>();
@@ -45,7 +45,7 @@ impl Tracking {
     }
 
     /// The truth about the tip in a state.
-    pub fn at(&self, state: &State) -> Tracked {
+    pub(crate) fn at(&self, state: &State) -> Tracked {
         (self.0)(state)
     }
 }

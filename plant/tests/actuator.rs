@@ -1,5 +1,5 @@
-//! The zero-order hold: what it holds, what it says it has delivered, and what it does when told too
-//! much.
+//! The zero-order hold: what it holds, what it says it has delivered, and what it does when told
+//! too much.
 
 #![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
 

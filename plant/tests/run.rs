@@ -8,7 +8,7 @@ use mtj_model::scenario::{Override, Scenario, built_in};
 use mtj_plant::{
     direct::Direct,
     plant::{self, Outcome, Watch},
-    trace::Row,
+    trace::TraceRow,
 };
 use mtj_protocol::sample::{StateSample, TorqueSample, padded};
 
@@ -42,13 +42,14 @@ fn springs(state: &StateSample) -> TorqueSample {
     answer(state, torque, [torque[0] + torque[1], torque[1]])
 }
 
-/// Answers with a held torque up to the sample at 0.1 s, and with a number that is none from then on.
+/// Answers with a held torque up to the sample at 0.1 s, and with a number that is none from then
+/// on.
 fn falls_silent(state: &StateSample) -> TorqueSample {
     let torque = if state.header.sequence <= 10 { [1.0, 0.5] } else { [f64::NAN, 0.5] };
     answer(state, torque, [2.0, -3.0])
 }
 
-fn after(outcome: &Outcome, time: f64) -> impl Iterator<Item = &Row> {
+fn after(outcome: &Outcome, time: f64) -> impl Iterator<Item = &TraceRow> {
     outcome.trace.iter().filter(move |row| row.time > time)
 }
 
@@ -79,7 +80,7 @@ fn on_timeout_hold_keeps_the_torque() {
 }
 
 #[test]
-fn on_timeout_zero_lets_go_of_the_arm_when_the_timeout_is_over_and_not_before() {
+fn on_timeout_zero_gives_no_torque_once_the_timeout_is_over() {
     let outcome = run(&["safety.command_timeout=25ms", "safety.on_timeout=zero"], falls_silent);
     for row in after(&outcome, 0.0) {
         // The last command came at 0.100 s.
@@ -98,7 +99,7 @@ fn on_timeout_damp_brakes_the_joints() {
         }
         assert_eq!(row.echo[..2], [0.0, 0.0]);
     }
-    let speed = |row: &Row| row.velocity[0].hypot(row.velocity[1]);
+    let speed = |row: &TraceRow| row.velocity[0].hypot(row.velocity[1]);
     let (first, last) = (&outcome.trace[13], &outcome.trace[99]);
     assert!(speed(last) < 0.1 * speed(first), "{} to {}", speed(first), speed(last));
 }
@@ -159,7 +160,7 @@ fn the_same_seed_gives_the_same_noise() {
 }
 
 #[test]
-fn an_arm_that_runs_away_ends_the_run_there() {
+fn a_run_ends_where_it_diverges() {
     let outcome = run(&["duration=20s"], |state| answer(state, [1e6, -1e6], [0.0; 2]));
     assert!(outcome.report.diverged);
     assert!(outcome.report.duration_s < 1.0, "{} s", outcome.report.duration_s);

@@ -60,11 +60,10 @@ impl Tune {
             Some("measured") => of_links + self.measured(&proceed)?,
             Some(text) => seconds("--latency", text)?,
         };
-        let finite = scenario.safety.torque_limit.iter().all(|limit| limit.is_finite());
-        let (torque_limit_nm, source) = match given_limit {
-            Some(limit) => (limit, "given".to_owned()),
-            None if finite => (scenario.safety.torque_limit.clone(), "the scenario's".to_owned()),
-            None => {
+        let (torque_limit_nm, source) = match (given_limit, &scenario.safety.torque_limit) {
+            (Some(limit), _) => (limit, "given".to_owned()),
+            (None, Some(limit)) => (limit.clone(), "the scenario's".to_owned()),
+            (None, None) => {
                 let peak = limits::motion(&scenario, &proceed)?.settled_torque_nm;
                 let limit = peak.iter().map(|torque| SPARE_TORQUE * torque).collect();
                 (limit, format!("none given: {SPARE_TORQUE} x what the motion itself takes"))

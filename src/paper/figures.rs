@@ -1,7 +1,7 @@
 //! Figs. 1(b) to 5.
 
 use mtj_model::trajectory::Trajectory;
-use mtj_plant::{plant::Outcome, trace::Row};
+use mtj_plant::{plant::Outcome, trace::TraceRow};
 
 use super::runs::{Runs, RunsError, scenario};
 use mtj_figure::{
@@ -98,7 +98,7 @@ fn outcomes<'a>(runs: &'a Runs, name: &str) -> Result<Vec<&'a Outcome>, RunsErro
     LAWS.iter().map(|(law, _)| runs.get(&format!("{name}-{law}"))).collect()
 }
 
-fn torques(row: &Row) -> [f64; 2] {
+fn torques(row: &TraceRow) -> [f64; 2] {
     [row.torque[0], row.torque[1]]
 }
 
@@ -115,7 +115,7 @@ fn panel(
     title: &str,
     y: &Axis,
     labels: [&str; 2],
-    values: fn(&Row) -> [f64; 2],
+    values: fn(&TraceRow) -> [f64; 2],
 ) -> Panel {
     let curve = |i: usize, color| {
         // No torque is in effect before the first command.
@@ -131,7 +131,7 @@ fn panel(
 }
 
 /// One axis about zero on which every value of every outcome can be seen.
-fn symmetric(label: &str, outcomes: &[&Outcome], values: fn(&Row) -> [f64; 2]) -> Axis {
+fn symmetric(label: &str, outcomes: &[&Outcome], values: fn(&TraceRow) -> [f64; 2]) -> Axis {
     let rows = outcomes.iter().flat_map(|outcome| &outcome.trace);
     let peak = rows.flat_map(values).map(f64::abs).fold(0.0, f64::max) * 1.05;
     Axis::new(label, -peak..peak)

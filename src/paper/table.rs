@@ -1,6 +1,6 @@
 //! What the paper prints beside what comes out here.
 
-use mtj_plant::{report::Report, trace::Row};
+use mtj_plant::{report::Report, trace::TraceRow};
 
 use super::{
     comparison::Comparison,
@@ -225,7 +225,7 @@ fn mm(report: &Report) -> f64 {
     rms(report) * 1e3
 }
 
-fn peak_of(trace: &[Row], value: fn(&Row) -> f64) -> f64 {
+fn peak_of(trace: &[TraceRow], value: fn(&TraceRow) -> f64) -> f64 {
     trace.iter().map(value).map(f64::abs).fold(0.0, f64::max)
 }
 

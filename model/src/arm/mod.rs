@@ -1,14 +1,15 @@
 //! Arms: kinematics and rigid-body dynamics of a chain of joints.
 //!
-//! An arm of `N` joints is an [`Arm`]; what its tip does in a task with `M` axes is its [`Kinematics`].
-//! Both compute from a configuration, which holds what is expensive, the sines and cosines, once.
-//! To add an arm that scenarios can name, write a file like [`planar`] and name it in
-//! `scenario::ArmSettings`.
+//! An arm of `N` joints is an [`Arm`]; what its tip does in a task with `M` axes is its
+//! [`Kinematics`]. Both compute from a configuration, which holds what is expensive, the sines and
+//! cosines, once. To add an arm that scenarios can name, write a file like [`planar`] and name it
+//! in `scenario::ArmSettings`.
 //!
 //! # An arm of one's own
 //!
 //! Laws, responders and lanes are generic over these traits. A carriage on a rail with a mast that
-//! lifts the tip, its two joints sliding along x and y: x = q, J = 1, H = diag(m + M, m), C = (0, m g).
+//! lifts the tip, its two joints sliding along x and y: x = q, J = 1, H = diag(m + M, m), C = (0, m
+//! g).
 //!
 //! ```
 //! use mtj_model::arm::{Arm, Kinematics};
@@ -86,7 +87,8 @@ pub trait Arm<T: Scalar, const N: usize>: Copy {
 
     /// The configuration at joint positions `q`, rad, and joint velocities `q_dot`, rad/s.
     fn configuration(q: &SVector<T, N>, q_dot: &SVector<T, N>) -> Self::Configuration;
-    /// Combines two configurations number by number with `choose`: lanes may differ in their choice.
+    /// Combines two configurations number by number with `choose`: lanes may differ in their
+    /// choice.
     fn combine(
         one: &Self::Configuration,
         other: &Self::Configuration,
@@ -148,8 +150,8 @@ impl<T: Scalar, const N: usize> TaskDynamics<T, N> {
     }
 }
 
-/// J H⁻¹ Jᵀ, 1/kg: the acceleration of the tip for each unit of force at it. Its inverse is the task
-/// inertia Ĥ, which so exists for redundant arms too.
+/// J H⁻¹ Jᵀ, 1/kg: the acceleration of the tip for each unit of force at it. Its inverse is the
+/// task inertia Ĥ, which so exists for redundant arms too.
 #[inline(always)]
 pub fn mobility<T: Scalar, const N: usize, const M: usize>(
     inertia: &SMatrix<T, N, N>,

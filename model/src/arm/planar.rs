@@ -17,7 +17,7 @@ use crate::{lift, matrix, scalar::Scalar};
 
 /// One link: a rigid bar that turns about the end of the one before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Link<T> {
+pub struct RigidLink<T> {
     /// From this joint to the next, m.
     pub length: T,
     /// Mass, kg.
@@ -48,12 +48,12 @@ impl<T: Scalar, const N: usize> PlanarArm<T, N> {
     /// With mass mᵢ, length lᵢ, centre cᵢ, inertia Iᵢ and outer mass Mᵢ = Σ_{k>i} mₖ:
     /// bᵢ = mᵢ cᵢ + lᵢ Mᵢ is the first moment, aᵢⱼ = l_{min(i,j)} b_{max(i,j)} off the diagonal and
     /// aᵢᵢ = Iᵢ + mᵢ cᵢ² + lᵢ² Mᵢ on it.
-    pub fn new(links: &[Link<T>; N], gravity: Vector2<T>) -> Self {
+    pub fn new(links: &[RigidLink<T>; N], gravity: Vector2<T>) -> Self {
         let mut coupling = [[T::zero(); N]; N];
         let mut moment = [T::zero(); N];
         let mut outer_mass = T::zero();
         for i in (0..N).rev() {
-            let Link { length, mass, center, inertia } = links[i];
+            let RigidLink { length, mass, center, inertia } = links[i];
             moment[i] = mass * center + length * outer_mass;
             coupling[i][i] = inertia + mass * center * center + length * length * outer_mass;
             outer_mass += mass;

@@ -1,8 +1,10 @@
-//! What a law says about itself: its name, its parameters and its signals.
+//! The description of a law: its name, its parameters and its signals.
 //!
 //! Displays, recordings and exports draw from this description; none of them knows a law by name.
 
-/// A law, described.
+pub use crate::scenario::key::{Default, Form, Parameter};
+
+/// The description of a law.
 #[derive(Debug, PartialEq)]
 pub struct Description {
     /// The name in scenarios, on the wire and in print.
@@ -13,15 +15,15 @@ pub struct Description {
     pub equation: &'static str,
     /// The keys of the scenario that this law reads, apart from memory and prediction.
     pub parameters: &'static [Parameter],
-    /// What the plant holds beside the torque and returns as `applied` and `delivered`.
+    /// The numbers that the plant holds with the torque and returns as `applied` and `delivered`.
     pub echo: Signal,
     /// Whether the law uses the echo as its memory.
     pub has_memory: bool,
-    /// What the law shows beside the tracking error, in the order of the wire.
+    /// What displays show beside the tracking error, in the order of the wire.
     pub signals: &'static [Signal],
 }
 
-/// A quantity that a law shows: a list of numbers.
+/// A quantity for displays: a list of numbers.
 #[derive(Debug, PartialEq)]
 pub struct Signal {
     /// The name in recordings and exports.
@@ -58,55 +60,6 @@ impl Per {
             Self::Arm => 1,
         }
     }
-}
-
-/// A key of a scenario's `law` table.
-#[derive(Debug, PartialEq)]
-pub struct Parameter {
-    /// The whole key, like `law.factor.error`.
-    pub key: &'static str,
-    /// The label of a control.
-    pub label: &'static str,
-    /// What values look like.
-    pub form: Form,
-    /// The unit; empty for a pure number.
-    pub unit: &'static str,
-    /// The value where the key is absent.
-    pub default: Default,
-    /// What it does, in one sentence.
-    pub help: &'static str,
-}
-
-/// What the values of a parameter look like.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Form {
-    /// One of a few words.
-    Choice(&'static [&'static str]),
-    /// One number.
-    Number,
-    /// One number for all task axes, or a list with one for each.
-    List,
-    /// One number, a list for a diagonal, or rows.
-    Matrix,
-    /// The same, or one of a few words.
-    MatrixOr(&'static [&'static str]),
-    /// True or false.
-    Flag,
-    /// A duration, like "10 ms".
-    Duration,
-    /// The same, or one of a few words.
-    DurationOr(&'static [&'static str]),
-}
-
-/// The value of a parameter whose key is absent.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Default {
-    /// There is none: the key is required.
-    Required,
-    /// This TOML value.
-    Value(&'static str),
-    /// The value of another key.
-    SameAs(&'static str),
 }
 
 impl Description {

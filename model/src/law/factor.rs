@@ -9,7 +9,7 @@ use super::{
 use crate::{
     MAX_AXES, lift, matrix,
     scalar::Scalar,
-    scenario::{ScenarioError, Section, section},
+    scenario::{error::ScenarioError, key::Range, section::Section},
     task::TrackingError,
 };
 
@@ -20,8 +20,8 @@ pub struct Factor<T, const M: usize> {
     pub kind: FactorKind,
     /// ε and ε̇, or e_max and ė_max.
     pub thresholds: Thresholds<T, M>,
-    /// What k is multiplied with: its largest value, if that is not one as in the paper. A held loop of
-    /// eq. (16) is asymptotically stable only below (2 K_d − K_p T_s)/(2 K_d + K_p T_s).
+    /// What k is multiplied with: its largest value, if that is not one as in the paper. A held
+    /// loop of eq. (16) is asymptotically stable only below (2 K_d − K_p T_s)/(2 K_d + K_p T_s).
     pub ceiling: Option<T>,
 }
 
@@ -47,9 +47,9 @@ pub enum Thresholds<T, const M: usize> {
     Each(SVector<T, M>, SVector<T, M>),
 }
 
-/// A task force and what the memory had to do with it.
+/// A task force with its memory term, and the factor k.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Remembered<T, const M: usize> {
+pub struct WithMemory<T, const M: usize> {
     /// Q̂, N.
     pub force: SVector<T, M>,
     /// h, N.
@@ -58,7 +58,7 @@ pub struct Remembered<T, const M: usize> {
     pub factor: SVector<T, M>,
 }
 
-impl<T: Scalar, const M: usize> Remembered<T, M> {
+impl<T: Scalar, const M: usize> WithMemory<T, M> {
     /// τ = Jᵀ Q̂, with k and h as signals.
     #[inline(always)]
     pub fn command<const N: usize>(
@@ -76,13 +76,6 @@ lift! { struct Factor<T, M> { kind, thresholds, ceiling } }
 lift! { enum FactorKind { Constant, Switch, Exponential, Diagonal } }
 lift! { enum Thresholds<T, M> { Same(error, error_rate), Each(error, error_rate) } }
 
-const KINDS: [(&str, FactorKind); 4] = [
-    ("constant", FactorKind::Constant),
-    ("switch", FactorKind::Switch),
-    ("exponential", FactorKind::Exponential),
-    ("diagonal", FactorKind::Diagonal),
-];
-
 /// law.factor.kind.
 pub(super) const KIND: Parameter = Parameter {
     key: "law.factor.kind",
@@ -90,14 +83,15 @@ pub(super) const KIND: Parameter = Parameter {
     form: Form::Choice(&["constant", "switch", "exponential", "diagonal"]),
     unit: "",
     default: Default::Value("\"exponential\""),
-    help: "How the regulating factor follows from the error: not at all, or by eq. (14), (15a) or (15b).",
+    help: "How the regulating factor follows from the error: not at all, or by eq. (14), (15a) or \
+           (15b).",
 };
 
 /// law.factor.error.
 pub(super) const ERROR: Parameter = Parameter {
     key: "law.factor.error",
     label: "e_max",
-    form: Form::List,
+    form: Form::List(Range::Positive),
     unit: "m",
     default: Default::Value("1.0"),
     help: "Threshold of the tracking error.",
@@ -107,7 +101,7 @@ pub(super) const ERROR: Parameter = Parameter {
 pub(super) const ERROR_RATE: Parameter = Parameter {
     key: "law.factor.error_rate",
     label: "ė_max",
-    form: Form::List,
+    form: Form::List(Range::Positive),
     unit: "m/s",
     default: Default::Value("10.0"),
     help: "Threshold of the tracking error's rate.",
@@ -117,7 +111,7 @@ pub(super) const ERROR_RATE: Parameter = Parameter {
 pub(super) const CEILING: Parameter = Parameter {
     key: "law.factor.ceiling",
     label: "largest k",
-    form: Form::Number,
+    form: Form::Number(Range::Fraction),
     unit: "",
     default: Default::Value("1.0"),
     help: "What k is multiplied with: its largest value.",
@@ -137,31 +131,21 @@ pub(super) const SIGNALS: &[Signal] = &[
 ];
 
 impl Factor<f64, MAX_AXES> {
-    /// The paper's: eq. (15a) with e_max = 1 m and ė_max = 10 m/s.
-    pub const PAPER: Self = Self {
-        kind: FactorKind::Exponential,
-        thresholds: Thresholds::Same(1.0, 10.0),
-        ceiling: None,
-    };
-    /// k = 1.
-    pub const ALL: Self = Self { kind: FactorKind::Constant, ..Self::PAPER };
-
-    /// Reads a scenario's `law.factor`; what is absent is as in `default`.
+    /// Reads a scenario's `law.factor`, whose `kind` a law declares with its own default.
     pub(super) fn read(
         law: &Section<'_>,
+        kind: &Parameter,
         axes: usize,
-        default: Self,
     ) -> Result<Self, ScenarioError> {
-        let Some(section) = law.optional_section("factor")? else { return Ok(default) };
-        let ceiling = |section: &Section<'_>| {
-            section.optional("ceiling", "a factor from 0 to 1", |value| {
-                section::number(value).filter(|k| (0.0..=1.0).contains(k))
-            })
+        let section = law.section_or_empty("factor")?;
+        let kinds = {
+            use FactorKind::{Constant, Diagonal, Exponential, Switch};
+            [Constant, Switch, Exponential, Diagonal]
         };
         let factor = Self {
-            kind: section.choice("kind", &KINDS, Some(default.kind))?,
-            thresholds: Thresholds::read(&section, axes, default.thresholds)?,
-            ceiling: ceiling(&section)?.filter(|k| *k != 1.0),
+            kind: section.word(kind, &kinds)?,
+            thresholds: Thresholds::read(&section, axes)?,
+            ceiling: section.optional_number(&CEILING)?.filter(|k| *k != 1.0),
         };
         section.finish()?;
         Ok(factor)
@@ -169,19 +153,14 @@ impl Factor<f64, MAX_AXES> {
 }
 
 impl Thresholds<f64, MAX_AXES> {
-    fn read(section: &Section<'_>, axes: usize, default: Self) -> Result<Self, ScenarioError> {
-        let list = |key, unit| {
-            let expected = format!("a threshold in {unit} greater than 0, or a list of {axes}");
-            section.per_axis(key, axes, &expected, |x| x > 0.0)
-        };
-        let (error, error_rate) = default.each();
-        let all = |given: Option<Vec<f64>>, default: SVector<f64, MAX_AXES>| match given {
-            None => default,
+    fn read(section: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
+        let each = |key| -> Result<SVector<f64, MAX_AXES>, ScenarioError> {
+            let list = section.one_or_each(key, axes)?.unwrap_or_default();
             // What is past the last axis must not make a difference.
-            Some(list) => SVector::from_fn(|i, _| list.get(i).copied().unwrap_or(list[0])),
+            let first = list.first().copied().unwrap_or(1.0);
+            Ok(SVector::from_fn(|i, _| list.get(i).copied().unwrap_or(first)))
         };
-        let error = all(list("error", "m")?, error);
-        let error_rate = all(list("error_rate", "m/s")?, error_rate);
+        let (error, error_rate) = (each(&ERROR)?, each(&ERROR_RATE)?);
         let is_same = |each: &SVector<f64, MAX_AXES>| each.iter().all(|x| *x == each[0]);
         if is_same(&error) && is_same(&error_rate) {
             return Ok(Self::Same(error[0], error_rate[0]));
@@ -241,23 +220,23 @@ impl<T: Scalar, const M: usize> Factor<T, M> {
         Self { kind: FactorKind::Constant, thresholds, ceiling: Some(k) }
     }
 
-    /// Adds h = k · remembered to a task force; `None` at the first step, where k = 0.
+    /// Adds h = k · memory to a task force; no memory at the first step, where k = 0.
     #[inline(always)]
     pub fn add_memory(
         &self,
         force: SVector<T, M>,
         error: &TrackingError<T, M>,
         remembered: Option<&SVector<T, M>>,
-    ) -> Remembered<T, M> {
+    ) -> WithMemory<T, M> {
         let Some(remembered) = remembered else {
             let nothing = SVector::zeros();
-            return Remembered { force, memory: nothing, factor: nothing };
+            return WithMemory { force, memory: nothing, factor: nothing };
         };
         let (factor, memory) = self.regulate(error, remembered);
-        Remembered { force: force + memory, memory, factor }
+        WithMemory { force: force + memory, memory, factor }
     }
 
-    /// k for a tracking error, and k · remembered: without a multiplication where k is one or zero.
+    /// k for a tracking error, and k · memory: without a multiplication where k is one or zero.
     #[inline(always)]
     fn regulate(
         &self,

@@ -1,4 +1,4 @@
-//! The mass M̄ that a law takes the tip to have: `law.mass`.
+//! M̄, the mass of the tip as a law assumes it: `law.mass`.
 
 use nalgebra::SVector;
 
@@ -12,7 +12,7 @@ use crate::{
     gains::Gains,
     lift, matrix,
     scalar::Scalar,
-    scenario::{ArmSettings, ScenarioError, Section},
+    scenario::{arm::ArmSettings, error::ScenarioError, key::Range, section::Section},
     task,
 };
 
@@ -43,28 +43,28 @@ pub(super) const PARAMETER: Parameter = Parameter {
 };
 
 /// law.model.mass_scale, for laws that have a model.
-pub(super) const SCALE: Parameter = Parameter {
+pub(crate) const SCALE: Parameter = Parameter {
     key: "law.model.mass_scale",
     label: "model mass",
-    form: Form::Number,
+    form: Form::Number(Range::Positive),
     unit: "",
     default: Default::Value("1.0"),
     help: "What the model's masses and inertias are multiplied with.",
 };
 
 impl Mass<f64, MAX_AXES> {
-    /// Reads `law.mass`; `None` if it is absent.
-    pub(super) fn read(law: &Section<'_>, axes: usize) -> Result<Option<Self>, ScenarioError> {
-        law.optional("mass", &Self::form(axes), |value| match value.as_str() {
+    /// Reads `law.mass`, as it is declared.
+    pub(super) fn read(
+        law: &Section<'_>,
+        key: &Parameter,
+        axes: usize,
+    ) -> Result<Self, ScenarioError> {
+        law.get(key, axes, |value| match value.as_str() {
             Some(text) => (text == TASK_INERTIA).then_some(Self::TaskInertia),
+            // Without a multiplication, as in eq. (11).
+            None if *value == toml::Value::Float(1.0) => Some(Self::Unit),
             None => Gains::of(value, axes).map(Self::Constant),
         })
-    }
-
-    /// What is accepted, in words.
-    pub(super) fn form(axes: usize) -> String {
-        let gain = Gains::form(axes).replacen("gain", "mass in kg", 1);
-        format!("{gain}; or \"{TASK_INERTIA}\"")
     }
 
     /// Refuses the task inertia of an arm that has none.
@@ -82,7 +82,8 @@ impl Mass<f64, MAX_AXES> {
 }
 
 impl<T: Scalar, const M: usize> Mass<T, M> {
-    /// M̄ a, N, for an acceleration a, and the condition of what had to be inverted for it.
+    /// M̄ a, N, for an acceleration a, m/s², and the condition number of the matrix inverted for
+    /// it.
     #[inline(always)]
     pub fn times<A: Kinematics<T, N, M>, const N: usize>(
         &self,
@@ -95,7 +96,8 @@ impl<T: Scalar, const M: usize> Mass<T, M> {
             Self::TaskInertia => {
                 let mobility = arm::mobility(&now.arm.inertia(now.at), &now.jacobian());
                 let inertia = matrix::positive_definite_inverse(&mobility);
-                // About the square of J's. Its root would hide a singular J: rounding alone keeps it below 1e9.
+                // About the square of J's. Its root would hide a singular J: rounding alone keeps
+                // it below 1e9.
                 let condition = matrix::size(&mobility) * matrix::size(&inertia);
                 (matrix::times(&inertia, acceleration), condition)
             }

@@ -14,7 +14,7 @@ use crate::{
     gains::Gains,
     lift, matrix,
     scalar::Scalar,
-    scenario::{ArmSettings, ScenarioError, Section},
+    scenario::{arm::ArmSettings, error::ScenarioError, section::Section},
     task::{self, TrackingError},
 };
 
@@ -56,7 +56,10 @@ impl Declaration for ModelBased<f64, MAX_AXES> {
     };
 
     fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
-        Ok(Self { kp: Gains::required(law, "kp", axes)?, kd: Gains::required(law, "kd", axes)? })
+        Ok(Self {
+            kp: Gains::read(law, &KP_OF_ACCELERATION, axes)?,
+            kd: Gains::read(law, &KD_OF_ACCELERATION, axes)?,
+        })
     }
 
     fn check(&self, arm: &ArmSettings, task: &task::Description) -> Result<(), Unsuited> {
@@ -93,8 +96,8 @@ impl<T: Scalar, const M: usize> Equation<T, M> for ModelBased<T, M> {
     }
 }
 
-/// Ĥ and Ĉ of the model, and |J| |J⁻¹|; infinite where J has no inverse, as for every arm whose Jacobian
-/// is not square.
+/// Ĥ and Ĉ of the model, and |J| |J⁻¹|; infinite where J has no inverse, as for every arm whose
+/// Jacobian is not square.
 #[inline(always)]
 fn task_dynamics<T: Scalar, A: Kinematics<T, N, M>, const N: usize, const M: usize>(
     now: &Situation<'_, T, A, N, M>,

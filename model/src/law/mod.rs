@@ -1,19 +1,19 @@
 //! The control laws, one file each, and their registry.
 //!
-//! A law turns a [`Situation`], what is known at a sampling instant, into a [`Command`], joint torques
-//! and an echo, and into [`Signals`] to show. A law keeps no state. What it needs of the sample before
-//! travels as the echo: the plant holds it with the torque, scales it with the torque, and returns it.
-//! So memory and prediction work for every law.
+//! A law turns a [`Situation`], what is known at a sampling instant, into a [`Command`], joint
+//! torques and an echo, and into [`Signals`] to show. A law keeps no state. What it needs of the
+//! sample before travels as the echo: the plant holds it with the torque, scales it with the
+//! torque, and returns it. So memory and prediction work for every law.
 //!
 //! To add a law that scenarios can name, write a file like `tj.rs` and add one line to `register!`
-//! below. Settings and their validation, the name on the wire and in print, recordings, displays and
-//! the lanes of a sweep follow from what that file declares.
+//! below. Settings and their validation, the name on the wire and in print, recordings, displays
+//! and the lanes of a sweep follow from what that file declares.
 //!
 //! # A law of one's own
 //!
-//! A program need not register its law: `mtj_controller::Controller::with_law` takes anything that is
-//! an [`Equation`]. This one pulls with a force that never exceeds a bound F, N, whatever the error:
-//! Q̂ᵢ = F tanh(K_p eᵢ / F) + K_d ėᵢ, eq. (7) with a spring that saturates.
+//! A program need not register its law: `mtj_controller::Controller::with_law` takes anything that
+//! is an [`Equation`]. This one pulls with a force that never exceeds a bound F, N, whatever the
+//! error: Q̂ᵢ = F tanh(K_p eᵢ / F) + K_d ėᵢ, eq. (7) with a spring that saturates.
 //!
 //! ```
 //! use mtj_model::{
@@ -83,14 +83,14 @@ use crate::{
     lift,
     matrix::{self, padded},
     scalar::Scalar,
-    scenario::{ArmSettings, ScenarioError, Section},
+    scenario::{arm::ArmSettings, error::ScenarioError, section::Section},
     task::{self, TrackingError},
     trajectory::Motion,
 };
 
-/// What a law hands over beside its torque; numbers past the law's are zero.
+/// Numbers that a law sends with its torque and gets back; those past the law's own are zero.
 pub type Echo<T> = [T; MAX_ECHO];
-/// What a law shows: its signals, one after the other as its description lists them.
+/// A law's signals for displays, one after the other as its description lists them.
 pub type Signals<T> = [T; MAX_SIGNALS];
 
 /// What is known at a sampling instant of an arm `A` with `N` joints and a task with `M` axes.
@@ -106,20 +106,20 @@ pub struct Situation<'a, T: Scalar, A: Kinematics<T, N, M>, const N: usize, cons
     pub error: &'a TrackingError<T, M>,
     /// a, the mean acceleration of the tip over the last sample, m/s²; zero at the first.
     pub acceleration: &'a SVector<T, M>,
-    /// The remembered echo; `None` at the first sample.
+    /// The echo that the memory holds; `None` at the first sample.
     pub memory: Option<&'a Echo<T>>,
 }
 
 impl<T: Scalar, A: Kinematics<T, N, M>, const N: usize, const M: usize> Situation<'_, T, A, N, M> {
-    /// J. A law calls this when it has its task force: a matrix that is computed earlier has to be kept
-    /// until then, which costs instructions.
+    /// J. A law calls this when it has its task force: a matrix that is computed earlier has to be
+    /// kept until then, which costs instructions.
     #[inline(always)]
     pub fn jacobian(&self) -> SMatrix<T, M, N> {
         self.arm.jacobian(self.at)
     }
 }
 
-/// What a law answers.
+/// A law's answer: joint torques and echo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command<T, const N: usize> {
     /// τ, N m.
@@ -146,7 +146,7 @@ impl<T: Scalar, const N: usize> Command<T, N> {
     }
 }
 
-/// The task force that was remembered, from an echo that [`Command::of_task_force`] made.
+/// The task force in an echo that [`Command::of_task_force`] made.
 #[inline(always)]
 fn recalled<T: Scalar, const M: usize>(echo: &Echo<T>) -> SVector<T, M> {
     padded(echo).into()
@@ -156,8 +156,8 @@ fn recalled<T: Scalar, const M: usize>(echo: &Echo<T>) -> SVector<T, M> {
 pub trait Equation<T: Scalar, const M: usize>: Copy {
     /// Computes joint torques and echo from a situation.
     ///
-    /// Writes the law's signals into `signals`, the same entries at every call; entries past its last
-    /// signal stay as they are. Runs between state and torque: no allocation, no lock, no I/O.
+    /// Writes the law's signals into `signals`, the same entries at every call; entries past its
+    /// last signal stay as they are. Runs between state and torque: no allocation, no lock, no I/O.
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
         now: &Situation<'_, T, A, N, M>,
@@ -207,7 +207,7 @@ impl Unsuited {
     }
 }
 
-/// What a law declares of itself; implemented by its settings.
+/// The declaration of a law: its description, and how a scenario's settings are read.
 trait Declaration: Sized {
     /// Its name, parameters and signals.
     const DESCRIPTION: Description;
@@ -256,7 +256,7 @@ macro_rules! register {
         }
 
         impl<T, const M: usize> Law<T, M> {
-            /// What the law says of itself.
+            /// The law's description.
             pub fn description(&self) -> &'static Description {
                 match self {
                     $(Self::$variant(_) => &<$module::$law<f64, MAX_AXES> as Declaration>::DESCRIPTION,)*
@@ -265,7 +265,7 @@ macro_rules! register {
         }
 
         impl Law<f64, MAX_AXES> {
-            /// Reads the law of this name; keys that only other laws have must make sense to them.
+            /// Reads the law of this name. Keys that only other laws have must be valid for them.
             fn of(name: &str, law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
                 let mut chosen = None;
                 $(
@@ -297,12 +297,32 @@ register! {
     Tdc(tdc::TimeDelay),
 }
 
+/// The names of all laws, as [`LAWS`] has them.
+const NAMES: [&str; LAWS.len()] = {
+    let mut names = [""; LAWS.len()];
+    let mut i = 0;
+    while i < LAWS.len() {
+        names[i] = LAWS[i].name;
+        i += 1;
+    }
+    names
+};
+
+/// law.kind.
+pub(crate) const KIND: Parameter = Parameter::new(
+    "law.kind",
+    describe::Form::Choice(&NAMES),
+    "",
+    describe::Default::Required,
+    "The control law.",
+);
+
 /// The law of this name.
 pub fn find(name: &str) -> Option<&'static Description> {
     LAWS.iter().copied().find(|law| law.name == name)
 }
 
-/// Whether a law refuses a value that is there and that the law of this name has no use for.
+/// Whether an error is about a key that the law of this name does not have.
 fn is_for_others(error: &ScenarioError, name: &str) -> bool {
     error.refused_key().is_some_and(|refused| {
         let reads = |key: &Parameter| refused.starts_with(key.key);
@@ -313,8 +333,6 @@ fn is_for_others(error: &ScenarioError, name: &str) -> bool {
 impl Law<f64, MAX_AXES> {
     /// Reads the law that a scenario's `law` table names, for a task with so many axes.
     pub fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
-        let names: Vec<_> = LAWS.iter().map(|law| (law.name, law.name)).collect();
-        let name = law.choice("kind", &names, None)?;
-        Self::of(name, law, axes)
+        Self::of(law.word(&KIND, &NAMES)?, law, axes)
     }
 }

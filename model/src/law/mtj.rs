@@ -5,7 +5,7 @@ use nalgebra::SVector;
 use super::{
     Command, Declaration, Equation, Signals, Situation, Unsuited,
     describe::{Default, Description, Form, Parameter},
-    factor::{self, Factor, Remembered},
+    factor::{self, Factor, WithMemory},
     mass::{self, Mass},
     recalled,
     tj::{FORCE, KD, KP, TransposeJacobian},
@@ -15,18 +15,19 @@ use crate::{
     arm::Kinematics,
     lift,
     scalar::Scalar,
-    scenario::{ArmSettings, ScenarioError, Section},
+    scenario::{arm::ArmSettings, error::ScenarioError, section::Section},
     task::{self, TrackingError},
 };
 
-/// Q̂ = K_p e + K_d ė + h with h = k · memory, eqs. (13) and (16); with the term M̄ ë of eq. (11) if
-/// `law.acceleration` is true.
+/// Q̂ = K_p e + K_d ė + h with h = k · memory, eqs. (13) and (16); with the term M̄ ë of eq. (11)
+/// if `law.acceleration` is true.
 ///
 /// The memory is a task force of a moment ago, which is about what the arm's dynamics need now; so
-/// K_p e + K_d ė ≈ 0, eq. (17), and the error decays with the time constant K_d/K_p, without a model.
+/// K_p e + K_d ė ≈ 0, eq. (17), and the error decays with the time constant K_d/K_p, without a
+/// model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModifiedTransposeJacobian<T, const M: usize> {
-    /// The part that does not remember.
+    /// K_p and K_d.
     pub tj: TransposeJacobian<T, M>,
     /// How much of the memory to trust.
     pub factor: Factor<T, M>,
@@ -36,6 +37,16 @@ pub struct ModifiedTransposeJacobian<T, const M: usize> {
 
 lift! { struct ModifiedTransposeJacobian<T, M> { tj, factor, acceleration } }
 
+/// law.acceleration.
+const ACCELERATION: Parameter = Parameter {
+    key: "law.acceleration",
+    label: "add M̄ ë (11)",
+    form: Form::Flag,
+    unit: "",
+    default: Default::Value("false"),
+    help: "Adds the acceleration term of eq. (11), with which the memory stands latency.",
+};
+
 impl Declaration for ModifiedTransposeJacobian<f64, MAX_AXES> {
     const DESCRIPTION: Description = Description {
         name: "mtj",
@@ -44,14 +55,7 @@ impl Declaration for ModifiedTransposeJacobian<f64, MAX_AXES> {
         parameters: &[
             KP,
             KD,
-            Parameter {
-                key: "law.acceleration",
-                label: "add M̄ ë (11)",
-                form: Form::Flag,
-                unit: "",
-                default: Default::Value("false"),
-                help: "Adds the acceleration term of eq. (11), with which the memory stands latency.",
-            },
+            ACCELERATION,
             mass::PARAMETER,
             mass::SCALE,
             factor::KIND,
@@ -66,10 +70,10 @@ impl Declaration for ModifiedTransposeJacobian<f64, MAX_AXES> {
 
     fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
         let tj = TransposeJacobian::read(law, axes)?;
-        let flag = law.optional("acceleration", "true or false", toml::Value::as_bool)?;
-        let mass = Mass::read(law, axes)?.unwrap_or(Mass::Unit);
-        let factor = Factor::read(law, axes, Factor::PAPER)?;
-        Ok(Self { tj, factor, acceleration: flag.unwrap_or(false).then_some(mass) })
+        let adds_acceleration = law.flag(&ACCELERATION)?;
+        let mass = Mass::read(law, &mass::PARAMETER, axes)?;
+        let factor = Factor::read(law, &factor::KIND, axes)?;
+        Ok(Self { tj, factor, acceleration: adds_acceleration.then_some(mass) })
     }
 
     fn check(&self, arm: &ArmSettings, task: &task::Description) -> Result<(), Unsuited> {
@@ -78,16 +82,17 @@ impl Declaration for ModifiedTransposeJacobian<f64, MAX_AXES> {
 }
 
 impl<T: Scalar, const M: usize> ModifiedTransposeJacobian<T, M> {
-    /// Q̂ from the tracking error and the remembered task force; `None` at the first step, where
-    /// k = 0. `acceleration`, if given, is the term M̄ ë of eq. (11), N.
-    // A step is so short that passing its vectors through memory would be half of what mtj costs over tj.
+    /// Q̂ from the tracking error and the task force that the memory holds; `None` at the first
+    /// step, where k = 0. `acceleration`, if given, is the term M̄ ë of eq. (11), N.
+    // A step is so short that passing its vectors through memory would be half of what mtj costs
+    // over tj.
     #[inline(always)]
     pub fn task_force(
         &self,
         error: &TrackingError<T, M>,
         remembered: Option<&SVector<T, M>>,
         acceleration: Option<&SVector<T, M>>,
-    ) -> Remembered<T, M> {
+    ) -> WithMemory<T, M> {
         let mut force = self.tj.task_force(error);
         if let Some(acceleration) = acceleration {
             force += acceleration;

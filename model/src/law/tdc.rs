@@ -15,17 +15,17 @@ use crate::{
     gains::Gains,
     lift,
     scalar::Scalar,
-    scenario::{ArmSettings, ScenarioError, Section},
+    scenario::{arm::ArmSettings, error::ScenarioError, section::Section},
     task,
 };
 
 /// Q̂ = h + M̄ (ẍ_d − a + K_d ė + K_p e): time-delay control (Youcef-Toumi and Ito, *A time delay
 /// controller for systems with unknown dynamics*, J. Dyn. Sys. Meas. Control 112, 1990).
 ///
-/// Everything that the controller does not know of the arm is in the force and the acceleration of a
-/// moment ago, h − M̄ a; so the error obeys ë + K_d ė + K_p e = 0, without a model. With the memory
-/// `delivered` the inner loop is stable for 0 < M̄ < 2 m at any latency. With M̄ = Ĥ it is incremental
-/// dynamic inversion. K_p in 1/s², K_d in 1/s, M̄ in kg.
+/// Everything that the controller does not know of the arm is in the force and the acceleration of
+/// a moment ago, h − M̄ a; so the error obeys ë + K_d ė + K_p e = 0, without a model. With the
+/// memory `delivered` the inner loop is stable for 0 < M̄ < 2 m at any latency. With M̄ = Ĥ it is
+/// incremental dynamic inversion. K_p in 1/s², K_d in 1/s, M̄ in kg.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeDelay<T, const M: usize> {
     /// K_p.
@@ -40,6 +40,12 @@ pub struct TimeDelay<T, const M: usize> {
 
 lift! { struct TimeDelay<T, M> { kp, kd, mass, factor } }
 
+/// law.mass, which this law needs.
+const MASS: Parameter = Parameter { default: Default::Required, ..mass::PARAMETER };
+
+/// law.factor.kind: the law trusts its memory unless the scenario says otherwise.
+const FACTOR: Parameter = Parameter { default: Default::Value("\"constant\""), ..factor::KIND };
+
 impl Declaration for TimeDelay<f64, MAX_AXES> {
     const DESCRIPTION: Description = Description {
         name: "tdc",
@@ -48,9 +54,9 @@ impl Declaration for TimeDelay<f64, MAX_AXES> {
         parameters: &[
             KP_OF_ACCELERATION,
             KD_OF_ACCELERATION,
-            Parameter { default: Default::Required, ..mass::PARAMETER },
+            MASS,
             mass::SCALE,
-            Parameter { default: Default::Value("\"constant\""), ..factor::KIND },
+            FACTOR,
             factor::ERROR,
             factor::ERROR_RATE,
             factor::CEILING,
@@ -62,10 +68,10 @@ impl Declaration for TimeDelay<f64, MAX_AXES> {
 
     fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
         Ok(Self {
-            kp: Gains::required(law, "kp", axes)?,
-            kd: Gains::required(law, "kd", axes)?,
-            mass: Mass::read(law, axes)?.ok_or_else(|| law.refuse("mass", Mass::form(axes)))?,
-            factor: Factor::read(law, axes, Factor::ALL)?,
+            kp: Gains::read(law, &KP_OF_ACCELERATION, axes)?,
+            kd: Gains::read(law, &KD_OF_ACCELERATION, axes)?,
+            mass: Mass::read(law, &MASS, axes)?,
+            factor: Factor::read(law, &FACTOR, axes)?,
         })
     }
 

@@ -12,7 +12,7 @@ use crate::{
     gains::Gains,
     lift,
     scalar::Scalar,
-    scenario::{ScenarioError, Section},
+    scenario::{error::ScenarioError, section::Section},
     task::TrackingError,
 };
 
@@ -71,7 +71,7 @@ impl Declaration for TransposeJacobian<f64, MAX_AXES> {
     };
 
     fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
-        Ok(Self { kp: Gains::required(law, "kp", axes)?, kd: Gains::required(law, "kd", axes)? })
+        Ok(Self { kp: Gains::read(law, &KP, axes)?, kd: Gains::read(law, &KD, axes)? })
     }
 }
 

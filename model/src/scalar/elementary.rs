@@ -1,9 +1,9 @@
-//! Sine, cosine and exponential of several numbers at once, without branches and tables, to about an ulp: what makes
-//! a vector a [`Scalar`].
+//! Sine, cosine and exponential of several numbers at once, without branches and tables, to about
+//! an ulp: what makes a vector a [`Scalar`].
 //!
 //! The argument is brought close to zero by taking away a whole number of steps, π/2 or ln 2, whose
-//! length is given in pieces so short that the multiples are exact (W. J. Cody and W. Waite, *Software
-//! Manual for the Elementary Functions*, 1980). There Taylor's series is short.
+//! length is given in pieces so short that the multiples are exact (W. J. Cody and W. Waite,
+//! *Software Manual for the Elementary Functions*, 1980). There Taylor's series is short.
 
 use num_traits::{One, Zero};
 
@@ -54,7 +54,7 @@ const EXPONENTIAL: [f64; 12] = [
 
 /// Sine and cosine of an angle in radians of magnitude below 10⁶.
 #[inline(always)]
-pub fn sin_cos<V: Vector>(x: Wide<V>) -> (Wide<V>, Wide<V>) {
+pub(super) fn sin_cos<V: Vector>(x: Wide<V>) -> (Wide<V>, Wide<V>) {
     let c = Wide::<V>::constant;
     let quarters = (x * c(std::f64::consts::FRAC_2_PI)).round();
     let r = (x - quarters * c(QUARTER_TURN[0])) - quarters * c(QUARTER_TURN[1]);
@@ -78,7 +78,7 @@ pub fn sin_cos<V: Vector>(x: Wide<V>) -> (Wide<V>, Wide<V>) {
 
 /// eˣ.
 #[inline(always)]
-pub fn exp<V: Vector>(x: Wide<V>) -> Wide<V> {
+pub(super) fn exp<V: Vector>(x: Wide<V>) -> Wide<V> {
     let c = Wide::<V>::constant;
     let n = (x * c(std::f64::consts::LOG2_E)).round();
     let r = (x - n * c(LN_2[0])) - n * c(LN_2[1]);
@@ -88,8 +88,8 @@ pub fn exp<V: Vector>(x: Wide<V>) -> Wide<V> {
     most.where_below(x, c(f64::INFINITY), within)
 }
 
-// Polynomials by parts that do not wait for each other (Estrin's scheme): what counts is how long a chain of
-// operations is, more than how many there are.
+// Polynomials by parts that do not wait for each other (Estrin's scheme): what counts is how long a
+// chain of operations is, more than how many there are.
 
 /// a₀ + a₁ z + a₂ z² + a₃ z³.
 #[inline(always)]

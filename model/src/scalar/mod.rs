@@ -40,10 +40,11 @@ pub trait Scalar:
     }
     /// The magnitude.
     fn abs(self) -> Self;
-    /// `then` where `self < bound`, else `otherwise`; the latter also where one of the two is no number.
+    /// `then` where `self < bound`, else `otherwise`; the latter also where one of the two is no
+    /// number.
     ///
-    /// All comparisons of the laws and the trajectories are made so, because several lanes may differ in
-    /// the outcome. It is no arithmetic operation.
+    /// All comparisons of the laws and the trajectories are made so, because several lanes may
+    /// differ in the outcome. It is no arithmetic operation.
     fn where_below(self, bound: Self, then: Self, otherwise: Self) -> Self;
 }
 

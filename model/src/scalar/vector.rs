@@ -4,9 +4,10 @@ use std::fmt::Debug;
 
 /// A vector register of doubles.
 ///
-/// The types behind this trait compute with instructions that not every processor has. They are private to
-/// this crate, where [`crate::lanes`] asks the processor before any such value can exist.
-pub trait Vector: Copy + Debug + 'static {
+/// The types behind this trait compute with instructions that not every processor has. They are
+/// private to this crate, where [`crate::lanes`] asks the processor before any such value can
+/// exist.
+pub(crate) trait Vector: Copy + Debug + 'static {
     /// How many doubles it holds.
     const COUNT: usize;
     fn splat(value: f64) -> Self;
@@ -27,9 +28,9 @@ pub trait Vector: Copy + Debug + 'static {
     fn power_of_two(self) -> Self;
 }
 
-/// 1.5 · 2⁵²: added to a number of magnitude below 2⁵¹, it leaves the nearest whole number in the lowest
-/// bits of the significand.
-pub const ROUNDING: f64 = 6_755_399_441_055_744.0;
+/// 1.5 · 2⁵²: added to a number of magnitude below 2⁵¹, it leaves the nearest whole number in the
+/// lowest bits of the significand.
+pub(super) const ROUNDING: f64 = 6_755_399_441_055_744.0;
 /// The exponent's offset in a double.
 const BIAS: f64 = 1023.0;
 
@@ -95,9 +96,9 @@ macro_rules! implement_by_intrinsics {
     ($vector:ident, $count:literal, $splat:ident $add:ident $sub:ident $mul:ident $div:ident $sqrt:ident,
      $neg:expr, $abs:expr, $where_below:expr, $is_any_below:expr, $power:expr) => {
         #[allow(unsafe_code)]
-        // SAFETY, for all of them: the instructions are there, because `lanes::Width` lets values of
-        // this type exist only after it has asked the processor; and the vector is so many doubles and
-        // nothing else, so that it may be looked at as an array of them.
+        // SAFETY, for all of them: the instructions are there, because `lanes::Width` lets values
+        // of this type exist only after it has asked the processor; and the vector is so many
+        // doubles and nothing else, so that it may be looked at as an array of them.
         impl Vector for x86_64::$vector {
             const COUNT: usize = $count;
             #[inline(always)]

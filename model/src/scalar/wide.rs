@@ -9,23 +9,23 @@ use super::vector::{ROUNDING, Vector};
 /// A vector with the operators of a number.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
-pub struct Wide<V>(pub V);
+pub(crate) struct Wide<V>(pub(crate) V);
 
 impl<V: Vector> Wide<V> {
     #[inline(always)]
-    pub fn splat(value: f64) -> Self {
+    pub(super) fn splat(value: f64) -> Self {
         Self(V::splat(value))
     }
 
     /// 2ⁿ for whole n from −1022 to 1023.
     #[inline(always)]
-    pub fn power_of_two(self) -> Self {
+    pub(super) fn power_of_two(self) -> Self {
         Self(self.0.power_of_two())
     }
 
     /// The nearest whole number, for magnitudes below 2⁵¹.
     #[inline(always)]
-    pub fn round(self) -> Self {
+    pub(crate) fn round(self) -> Self {
         let rounding = Self::splat(ROUNDING);
         (self + rounding) - rounding
     }

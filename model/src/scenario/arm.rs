@@ -6,16 +6,82 @@ use nalgebra::{DMatrix, SMatrix, SVector, Vector2};
 
 use super::{
     error::ScenarioError,
-    section::{self, Section},
+    key::{
+        Default::{Required, Value, Words},
+        Form, Parameter, Range,
+    },
+    section::Section,
 };
 use crate::{
     JointCount,
     arm::{
         Kinematics,
-        planar::{Configuration, Link, PlanarArm},
+        planar::{Configuration, PlanarArm, RigidLink},
     },
     for_axes, for_joints, task,
 };
+
+const KIND: Parameter = Parameter::new(
+    "arm.kind",
+    Form::Choice(&["planar"]),
+    "",
+    Value("\"planar\""),
+    "What the arm is: a chain of rigid links in a plane.",
+);
+const POSITION: Parameter = Parameter::new(
+    "arm.position",
+    Form::Joints,
+    "rad",
+    Words("zeros"),
+    "Joint angles at the start, each relative to the link before; not a singular configuration.",
+);
+const VELOCITY: Parameter = Parameter::new(
+    "arm.velocity",
+    Form::Joints,
+    "rad/s",
+    Words("zeros"),
+    "Joint velocities at the start.",
+);
+const GRAVITY: Parameter = Parameter::new(
+    "arm.gravity",
+    Form::Point,
+    "m/s²",
+    Value("[0.0, 0.0]"),
+    "Gravitational acceleration in the plane of the arm; [0, -9.81] stands it upright.",
+);
+/// The keys of `arm` itself.
+pub(super) const KEYS: &[&Parameter] = &[&KIND, &POSITION, &VELOCITY, &GRAVITY];
+
+const LENGTH: Parameter = Parameter::new(
+    "arm.links[].length",
+    Form::Number(Range::Positive),
+    "m",
+    Required,
+    "From this joint to the next.",
+);
+const MASS: Parameter = Parameter::new(
+    "arm.links[].mass",
+    Form::Number(Range::Positive),
+    "kg",
+    Required,
+    "Mass of the link.",
+);
+const CENTER: Parameter = Parameter::new(
+    "arm.links[].center",
+    Form::Number(Range::Any),
+    "m",
+    Words("half the length"),
+    "From this joint to the centre of mass, along the link.",
+);
+const INERTIA: Parameter = Parameter::new(
+    "arm.links[].inertia",
+    Form::Number(Range::Positive),
+    "kg m²",
+    Required,
+    "Moment of inertia about the centre of mass.",
+);
+/// The keys of an entry of `arm.links`.
+pub(super) const LINK_KEYS: &[&Parameter] = &[&LENGTH, &MASS, &CENTER, &INERTIA];
 
 /// Links and initial state of a planar arm.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,28 +99,28 @@ pub struct ArmSettings {
 /// One to seven links: a slice of them whose length is a [`JointCount`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chain {
-    links: Vec<Link<f64>>,
+    links: Vec<RigidLink<f64>>,
     count: JointCount,
 }
 
 impl Chain {
     /// A chain of links, base first; `None` if there are none or too many.
-    pub fn new(links: Vec<Link<f64>>) -> Option<Self> {
+    pub fn new(links: Vec<RigidLink<f64>>) -> Option<Self> {
         let count = JointCount::new(links.len())?;
         Some(Self { links, count })
     }
 }
 
 impl Deref for Chain {
-    type Target = [Link<f64>];
+    type Target = [RigidLink<f64>];
 
-    fn deref(&self) -> &[Link<f64>] {
+    fn deref(&self) -> &[RigidLink<f64>] {
         &self.links
     }
 }
 
 impl DerefMut for Chain {
-    fn deref_mut(&mut self) -> &mut [Link<f64>] {
+    fn deref_mut(&mut self) -> &mut [RigidLink<f64>] {
         &mut self.links
     }
 }
@@ -64,23 +130,16 @@ const SINGULAR: f64 = 1e-6;
 
 impl ArmSettings {
     pub(super) fn read(arm: Section<'_>, task: &task::Description) -> Result<Self, ScenarioError> {
-        arm.choice("kind", &[("planar", ())], Some(()))?;
+        arm.word(&KIND, &[()])?;
         let expected = "1 to 7 links, each {length, mass, center, inertia}";
         let sections = arm.sections("links", expected)?;
         let links = sections.into_iter().map(read_link).collect::<Result<Vec<_>, _>>()?;
         let links = Chain::new(links).ok_or_else(|| arm.refuse("links", expected))?;
         let count = links.len();
-        let per_joint = |key, unit| {
-            let expected = format!("a list of {count} numbers in {unit}, one for each link");
-            let list = arm.optional(key, &expected, |value| section::numbers(value, count))?;
-            Ok(list.unwrap_or_else(|| vec![0.0; count]))
-        };
-        let position = per_joint("position", "rad")?;
-        let velocity = per_joint("velocity", "rad/s")?;
-        let gravity = arm.optional("gravity", "a list of 2 numbers in m/s²", |value| {
-            section::numbers(value, 2)
-        })?;
-        let gravity = gravity.map_or_else(Vector2::zeros, |g| Vector2::new(g[0], g[1]));
+        let per_joint =
+            |key| Ok(arm.optional_list(key, count)?.unwrap_or_else(|| vec![0.0; count]));
+        let (position, velocity) = (per_joint(&POSITION)?, per_joint(&VELOCITY)?);
+        let gravity = Vector2::from(arm.point(&GRAVITY)?);
         let settings = Self { links, gravity, position, velocity };
         if for_joints!(settings.joints(), N => for_axes!(task, M => settings.is_singular::<N, M>()))
         {
@@ -133,24 +192,19 @@ impl ArmSettings {
         let q = SVector::from_fn(|i, _| self.position[i]);
         let at = Configuration::new(&q, &SVector::zeros());
         let jacobian: SMatrix<f64, M, N> = self.build::<N>().jacobian(&at);
-        // The eigenvalues of J Jᵀ are the squares of the singular values; one joint has one of them.
+        // The eigenvalues of J Jᵀ are the squares of the singular values; one joint has one of
+        // them.
         let squares = DMatrix::from_fn(M, M, |i, j| jacobian.row(i).dot(&jacobian.row(j)));
         let values = squares.symmetric_eigenvalues();
         N >= M && values.min() < SINGULAR * SINGULAR * values.max()
     }
 }
 
-fn read_link(link: Section<'_>) -> Result<Link<f64>, ScenarioError> {
-    let positive = |key, expected| link.required(key, expected, section::positive);
-    let length = positive("length", "a length in m greater than 0")?;
-    let mass = positive("mass", "a mass in kg greater than 0")?;
-    let center = link
-        .optional("center", "a distance from the joint in m", section::number)?
-        .unwrap_or(length / 2.0);
-    let inertia = positive(
-        "inertia",
-        "a moment of inertia about the centre of mass in kg m², greater than 0",
-    )?;
+fn read_link(link: Section<'_>) -> Result<RigidLink<f64>, ScenarioError> {
+    let length = link.number(&LENGTH)?;
+    let mass = link.number(&MASS)?;
+    let center = link.optional_number(&CENTER)?.unwrap_or(length / 2.0);
+    let inertia = link.number(&INERTIA)?;
     link.finish()?;
-    Ok(Link { length, mass, center, inertia })
+    Ok(RigidLink { length, mass, center, inertia })
 }

@@ -2,15 +2,13 @@
 
 use std::time::Duration;
 
-use super::{
-    error::ScenarioError,
-    section::{self, Section},
-};
+use super::{error::ScenarioError, section::Section};
 use crate::{
     MAX_AXES,
     law::{
         Law,
         describe::{Default, Form, Parameter},
+        mass,
     },
     task,
 };
@@ -24,27 +22,27 @@ pub struct LawSettings {
     pub memory: MemorySettings,
     /// How far ahead the law aims; `None` for the instant of the sample.
     pub prediction: Option<Horizon>,
-    /// What the masses and inertias of the controller's model are multiplied with.
+    /// The factor on the masses and inertias of the controller's model.
     pub mass_scale: f64,
 }
 
-/// What a law remembers.
+/// The previous-step memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MemorySettings {
-    /// Whose task force.
+    /// Which echo it holds.
     pub policy: MemoryPolicy,
     /// Δt, a whole multiple of the sample period.
     pub step: Duration,
 }
 
-/// Whose task force the previous-step memory holds.
+/// Which echo the previous-step memory holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MemoryPolicy {
-    /// The one the controller computed a step ago: the paper's.
+    /// The one that the controller computed a step ago: the paper's.
     Sent,
     /// The one in effect at the plant at the sampling instant.
     Applied,
-    /// The mean that the plant held over the last memory step.
+    /// The mean of those in effect over the last memory step.
     Delivered,
 }
 
@@ -62,12 +60,15 @@ pub const MEMORY: &[Parameter] = &[
     Parameter {
         key: "law.memory.step",
         label: "step Δt",
-        form: Form::Duration,
+        form: Form::Duration(Duration::ZERO),
         unit: "",
         default: Default::SameAs("timing.sample_period"),
         help: "How old the memory is: a whole multiple of the sample period.",
     },
 ];
+
+const POLICY: &Parameter = &MEMORY[0];
+const STEP: &Parameter = &MEMORY[1];
 
 /// The keys of the prediction, for every law.
 pub const PREDICTION: &[Parameter] = &[Parameter {
@@ -79,6 +80,8 @@ pub const PREDICTION: &[Parameter] = &[Parameter {
     help: "How far ahead the law aims: at the instant of the sample, at the instant the torque takes \
            effect, or by a fixed time.",
 }];
+
+const HORIZON: &Parameter = &PREDICTION[0];
 
 /// How far ahead a predicting law aims.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,29 +100,20 @@ impl LawSettings {
     ) -> Result<Self, ScenarioError> {
         let settings = Self {
             law: Law::read(&law, task.axes.len())?,
-            memory: MemorySettings::read(law.optional_section("memory")?, sample_period)?,
-            prediction: match law.optional_section("prediction")? {
-                None => None,
-                Some(prediction) => Horizon::read(prediction)?,
-            },
-            mass_scale: match law.optional_section("model")? {
-                None => 1.0,
-                Some(model) => {
-                    let scale = model.optional(
-                        "mass_scale",
-                        "a factor greater than 0",
-                        section::positive,
-                    )?;
-                    model.finish()?;
-                    scale.unwrap_or(1.0)
-                }
+            memory: MemorySettings::read(law.section_or_empty("memory")?, sample_period)?,
+            prediction: Horizon::read(law.section_or_empty("prediction")?)?,
+            mass_scale: {
+                let model = law.section_or_empty("model")?;
+                let scale = model.number(&mass::SCALE)?;
+                model.finish()?;
+                scale
             },
         };
         law.finish()?;
         Ok(settings)
     }
 
-    /// Whether the law remembers.
+    /// Whether the law has a memory.
     pub fn has_memory(&self) -> bool {
         self.law.description().has_memory
     }
@@ -129,21 +123,20 @@ impl LawSettings {
 const LONGEST_STEP: u128 = 100_000;
 
 impl MemorySettings {
-    fn read(section: Option<Section<'_>>, sample_period: Duration) -> Result<Self, ScenarioError> {
-        let mut settings = Self { policy: MemoryPolicy::Sent, step: sample_period };
-        let Some(section) = section else { return Ok(settings) };
-        let policies = [
-            ("sent", MemoryPolicy::Sent),
-            ("applied", MemoryPolicy::Applied),
-            ("delivered", MemoryPolicy::Delivered),
-        ];
-        settings.policy = section.choice("policy", &policies, Some(settings.policy))?;
-        settings.step = section.duration("step", sample_period, Some(sample_period))?;
+    fn read(section: Section<'_>, sample_period: Duration) -> Result<Self, ScenarioError> {
+        let policies = {
+            use MemoryPolicy::{Applied, Delivered, Sent};
+            [Sent, Applied, Delivered]
+        };
+        let policy = section.word(POLICY, &policies)?;
+        let step = section.optional_duration(STEP)?.unwrap_or(sample_period);
+        let settings = Self { policy, step };
         let (step, period) = (settings.step.as_nanos(), sample_period.as_nanos());
-        if !step.is_multiple_of(period) || step / period > LONGEST_STEP {
+        if step < period || !step.is_multiple_of(period) || step / period > LONGEST_STEP {
             let period = super::duration::format(sample_period);
             let expected = format!(
-                "a whole multiple of timing.sample_period = {period}, at most {LONGEST_STEP} times it"
+                "a whole multiple of timing.sample_period, at least {period} and at most \
+                 {LONGEST_STEP} times that"
             );
             return Err(section.refuse("step", expected));
         }
@@ -154,8 +147,7 @@ impl MemorySettings {
 
 impl Horizon {
     fn read(section: Section<'_>) -> Result<Option<Self>, ScenarioError> {
-        let expected = format!("\"none\", \"measured\" or {}", super::duration::FORM);
-        let horizon = section.required("horizon", &expected, |value| match value.as_str()? {
+        let horizon = section.get(HORIZON, 1, |value| match value.as_str()? {
             "none" => Some(None),
             "measured" => Some(Some(Self::Measured)),
             text => super::duration::parse(text).map(Self::Fixed).map(Some),

@@ -1,13 +1,13 @@
-//! What may be changed about an experiment while it runs.
+//! Changes to a running loop.
 
 use super::{Override, Scenario, ScenarioError};
 
-/// Keys, and tables of keys, that a running loop can take on between two samples. The arm, its task and
-/// the clock are what a run is a run of.
+/// Keys and tables that a running loop can change between two samples. Arm, task and clock stay:
+/// they define the run.
 const LIVE: [&str; 5] = ["law", "link", "safety", "sensor", "timing.sample_period"];
 
 impl Scenario {
-    /// This scenario with some keys set anew, as a running loop may take it on.
+    /// This scenario with some keys changed, validated, for a running loop.
     pub fn changed(&self, sets: &[Override]) -> Result<Self, ScenarioError> {
         let is_live = |path: &str| {
             LIVE.iter().any(|live| {

@@ -1,16 +1,20 @@
 //! One experiment as data.
 //!
-//! A scenario is a TOML text (see `DESIGN` in the README's scenario chapter for the keys). It is
-//! validated once, here; every value of a [`Scenario`] can be trusted.
+//! A scenario is a TOML text; [`reference`](reference()) lists its keys. It is validated once,
+//! here: code that gets a [`Scenario`] trusts its values. Each file holds the keys of one table and
+//! reads them.
 
 pub(crate) mod arm;
 mod builtin;
 mod bus;
+mod declared;
 pub mod duration;
-mod error;
+pub(crate) mod error;
+pub(crate) mod key;
 mod law;
 mod link;
 mod live;
+mod reference;
 mod safety;
 pub mod section;
 mod timing;
@@ -25,16 +29,47 @@ pub use builtin::{BUILT_IN, built_in};
 pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, DEFAULT_SPIN, Wait, is_name};
 pub use error::ScenarioError;
 pub use law::{Horizon, LawSettings, MEMORY, MemoryPolicy, MemorySettings, PREDICTION};
-pub use link::{Dropout, Jitter, LinkSettings, Links};
+pub use link::{Dropout, Jitter, LinkSettings, Links, REPLAY_FORMAT};
+pub use reference::{KeyTable, reference, reference_page};
 pub use safety::{OnTimeout, Safety};
 pub use section::{Origin, Section};
 pub use timing::{ClockKind, Timing};
 
+use key::{Default, Form, Parameter, Range, literal};
+
 use crate::{
-    law::{Parameter, describe::Default},
     task::{self, TASKS},
     trajectory::Trajectory,
 };
+
+const DURATION: Parameter = Parameter::new(
+    "duration",
+    Form::Duration(Duration::from_millis(1)),
+    "",
+    Default::Value("\"20 s\""),
+    "How long a run lasts.",
+);
+const SEED: Parameter = Parameter::new(
+    "seed",
+    Form::Whole,
+    "",
+    Default::Value("1"),
+    "Seeds all that is random: noise, jitter and losses.",
+);
+const TASK: Parameter = Parameter::new(
+    "task.kind",
+    Form::Choice(&["plane"]),
+    "",
+    Default::Value("\"plane\""),
+    "What of the tip is controlled: its position in the plane.",
+);
+const NOISE: Parameter = Parameter::new(
+    "sensor.noise",
+    Form::Number(Range::NotNegative),
+    "",
+    Default::Value("0.0"),
+    "Uniform noise of the measured angles and velocities, as a fraction of each magnitude.",
+);
 
 /// A validated experiment.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,7 +101,7 @@ pub struct Scenario {
     text: String,
 }
 
-/// The bounds of one key as set on a command line: `law.memory.policy=delivered`.
+/// A key with a value to set over a scenario, like `law.memory.policy=delivered`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Override {
     path: String,
@@ -96,8 +131,8 @@ impl Override {
 }
 
 impl std::fmt::Display for Override {
-    /// As it would be written behind `--set`: quotes are left out unless the text would be read as
-    /// something else without them.
+    /// Writes what may follow `--set`. Quotes are left out where the text is read the same without
+    /// them.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match &self.value {
             Value::String(text) if read_value(text) == self.value => {
@@ -111,8 +146,8 @@ impl std::fmt::Display for Override {
 impl std::str::FromStr for Override {
     type Err = ScenarioError;
 
-    /// Reads `key=value`. The value is TOML; what is not, is taken as a string, so that quotes may
-    /// be left out: `link.torque.latency=1ms`.
+    /// Reads `key=value`. A value that is not TOML is a string, so quotes may be left out:
+    /// `link.torque.latency=1ms`.
     fn from_str(text: &str) -> Result<Self, ScenarioError> {
         let refuse = || ScenarioError::Assignment { text: text.to_owned() };
         let (path, value) = text.split_once('=').ok_or_else(refuse)?;
@@ -124,7 +159,7 @@ impl std::str::FromStr for Override {
     }
 }
 
-/// A TOML value; what is none is a string.
+/// Reads a TOML value; text that is not TOML becomes a string.
 fn read_value(text: &str) -> Value {
     let text = text.trim();
     let mut parsed = toml::from_str::<Table>(&format!("value = {text}")).unwrap_or_default();
@@ -132,7 +167,8 @@ fn read_value(text: &str) -> Value {
 }
 
 impl Scenario {
-    /// Loads a built-in scenario by its name or, failing that, a file, and lays `overrides` over it.
+    /// Loads a built-in scenario by its name or, failing that, a file, and lays `overrides` over
+    /// it.
     pub fn load(name: &str, overrides: &[Override]) -> Result<Self, ScenarioError> {
         Template::load(name)?.with(overrides)
     }
@@ -142,12 +178,9 @@ impl Scenario {
     }
 
     fn read(name: &str, root: Section<'_>, text: String) -> Result<Self, ScenarioError> {
-        let second = Duration::from_secs(1);
-        let duration = root.duration("duration", Duration::from_millis(1), Some(20 * second))?;
-        let seed = root.optional("seed", "a whole number, 0 or more", |value| {
-            u64::try_from(value.as_integer()?).ok()
-        })?;
-        let task = read_task(root.optional_section("task")?)?;
+        let duration = root.duration(&DURATION)?;
+        let seed = root.get(&SEED, 1, |value| u64::try_from(value.as_integer()?).ok())?;
+        let task = read_task(root.section_or_empty("task")?)?;
         let arm = ArmSettings::read(root.section("arm")?, task)?;
         let timing = Timing::read(root.section("timing")?, duration)?;
         let law = LawSettings::read(root.section("law")?, task, timing.sample_period)?;
@@ -157,15 +190,15 @@ impl Scenario {
         let scenario = Self {
             name: name.to_owned(),
             duration,
-            seed: seed.unwrap_or(1),
+            seed,
             task,
             trajectory: Trajectory::read(root.section("trajectory")?)?,
             law,
             timing,
-            link: Links::read(root.optional_section("link")?)?,
-            noise: read_noise(root.optional_section("sensor")?)?,
-            bus: BusSettings::read(root.optional_section("bus")?)?,
-            safety: Safety::read(root.optional_section("safety")?, arm.links.len())?,
+            link: Links::read(root.section_or_empty("link")?)?,
+            noise: read_noise(root.section_or_empty("sensor")?)?,
+            bus: BusSettings::read(root.section_or_empty("bus")?)?,
+            safety: Safety::read(root.section_or_empty("safety")?, arm.links.len())?,
             arm,
             text,
         };
@@ -178,7 +211,7 @@ impl Scenario {
         &self.text
     }
 
-    /// The values of its keys, for displays that show them by their description.
+    /// The values of its keys, for displays.
     pub fn settings(&self) -> Settings {
         Settings(self.text.parse().unwrap_or_default())
     }
@@ -189,11 +222,12 @@ impl Scenario {
 pub struct Settings(Table);
 
 impl Settings {
-    /// The value of a parameter that is in effect: the one in the scenario, else the declared default.
+    /// The value of a parameter that is in effect: the one in the scenario, else the declared
+    /// default.
     pub fn get(&self, parameter: &Parameter) -> Option<Value> {
         self.find(parameter.key).or_else(|| match parameter.default {
-            Default::Required => None,
-            Default::Value(text) => Some(read_value(text)),
+            Default::Required | Default::Words(_) => None,
+            Default::Value(text) => Some(literal(text)),
             Default::SameAs(key) => self.find(key),
         })
     }
@@ -206,7 +240,7 @@ impl Settings {
     }
 }
 
-/// A scenario's text, read once to be laid over many times.
+/// A scenario's text, parsed once, for many sets of overrides.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Template {
     name: String,
@@ -259,22 +293,16 @@ fn origin(name: &str, overrides: &[Override]) -> Origin {
     Origin::new(name, overrides.iter().map(|set| set.path.clone()).collect())
 }
 
-fn read_task(section: Option<Section<'_>>) -> Result<&'static task::Description, ScenarioError> {
-    let Some(section) = section else { return Ok(&TASKS[0]) };
-    let kinds: Vec<_> = TASKS.iter().map(|task| (task.name, task)).collect();
-    let task = section.choice("kind", &kinds, Some(&TASKS[0]))?;
+fn read_task(section: Section<'_>) -> Result<&'static task::Description, ScenarioError> {
+    let task = section.word(&TASK, &TASKS.each_ref())?;
     section.finish()?;
     Ok(task)
 }
 
-fn read_noise(section: Option<Section<'_>>) -> Result<f64, ScenarioError> {
-    let Some(section) = section else { return Ok(0.0) };
-    let expected = "a fraction of the output's magnitude, 0 or more";
-    let noise = section.optional("noise", expected, |value| {
-        section::number(value).filter(|fraction| *fraction >= 0.0)
-    })?;
+fn read_noise(section: Section<'_>) -> Result<f64, ScenarioError> {
+    let noise = section.number(&NOISE)?;
     section.finish()?;
-    Ok(noise.unwrap_or(0.0))
+    Ok(noise)
 }
 
 /// Puts one value at its dotted path; `arm.links[1].mass` reaches into a list.

@@ -1,12 +1,12 @@
 //! Reads one TOML table; its errors name file, key, value and remedy.
 
-use std::{cell::RefCell, fmt, time::Duration};
+use std::{cell::RefCell, fmt, path::Path, sync::LazyLock};
 
 use toml::{Table, Value};
 
-use super::{duration, error::ScenarioError};
+use super::{builtin::built_in, error::ScenarioError};
 
-/// Where values came from: a named text, and the keys the command line has put over it.
+/// Where values came from: a named text, and the keys that the command line set over it.
 #[derive(Clone, Debug)]
 pub struct Origin {
     name: String,
@@ -27,7 +27,7 @@ impl Origin {
         if set { "--set".to_owned() } else { self.name.clone() }
     }
 
-    /// Where a key came from that nobody knows: a key set below it may have brought it in.
+    /// Where an unknown key came from: a key that was set below it may have brought it in.
     fn of_unknown(&self, key: &str) -> String {
         let below =
             |path: &String| path.strip_prefix(key).is_some_and(|rest| rest.starts_with(['.', '[']));
@@ -40,8 +40,9 @@ impl Origin {
     }
 }
 
-/// One table of the document. Every key that is asked for becomes a known key; [`Section::finish`]
+/// One table of the document. Every key that is read becomes a known key; [`Section::finish`]
 /// refuses all others.
+#[derive(Debug)]
 pub struct Section<'a> {
     origin: &'a Origin,
     path: String,
@@ -49,7 +50,7 @@ pub struct Section<'a> {
     known: RefCell<Vec<String>>,
 }
 
-type Read<T> = Result<T, ScenarioError>;
+pub(super) type Read<T> = Result<T, ScenarioError>;
 
 impl<'a> Section<'a> {
     /// The document's root table.
@@ -61,7 +62,7 @@ impl<'a> Section<'a> {
         Self { origin, path, table, known: RefCell::default() }
     }
 
-    /// Refuses keys that nobody asked for.
+    /// Refuses keys that were never read.
     pub fn finish(self) -> Read<()> {
         let known = self.known.borrow();
         match self.table.keys().find(|key| !known.contains(key)) {
@@ -89,9 +90,24 @@ impl<'a> Section<'a> {
         }
     }
 
+    /// The folder of the file that the text came from: where relative paths start. Empty, which is
+    /// the working directory, if it is built in.
+    pub(super) fn folder(&self) -> &'a Path {
+        let name = self.origin.name.as_str();
+        let file = if built_in(name).is_none() { name } else { "" };
+        Path::new(file).parent().unwrap_or(Path::new(""))
+    }
+
     /// A table below this one, which must be there.
     pub fn section(&self, key: &str) -> Read<Section<'a>> {
         self.optional_section(key)?.ok_or_else(|| self.refuse(key, "a table"))
+    }
+
+    /// A table below this one; an absent one is empty.
+    pub fn section_or_empty(&self, key: &str) -> Read<Section<'a>> {
+        static EMPTY: LazyLock<Table> = LazyLock::new(Table::new);
+        let found = self.optional_section(key)?;
+        Ok(found.unwrap_or_else(|| Section::new(self.origin, self.key(key), &EMPTY)))
     }
 
     /// A table below this one, if it is there.
@@ -150,36 +166,6 @@ impl<'a> Section<'a> {
         chosen.or(default).ok_or_else(|| self.refuse(key, expected))
     }
 
-    /// A duration of at least `least`; `default` when the key is absent.
-    pub fn duration(
-        &self,
-        key: &str,
-        least: Duration,
-        default: Option<Duration>,
-    ) -> Read<Duration> {
-        let expected = format!("{}, at least {}", duration::FORM, duration::format(least));
-        let found = self.optional(key, &expected, |value| {
-            duration::parse(value.as_str()?).filter(|duration| *duration >= least)
-        })?;
-        found.or(default).ok_or_else(|| self.refuse(key, expected))
-    }
-
-    /// Either one number for all axes or a list of `count`.
-    pub fn per_axis(
-        &self,
-        key: &str,
-        count: usize,
-        expected: &str,
-        accept: fn(f64) -> bool,
-    ) -> Read<Option<Vec<f64>>> {
-        self.optional(key, expected, |value| {
-            if let Some(number) = number(value) {
-                return accept(number).then(|| vec![number; count]);
-            }
-            numbers(value, count).filter(|list| list.iter().all(|x| accept(*x)))
-        })
-    }
-
     /// Accepts a key without looking at its value.
     fn know(&self, key: &str) {
         let mut known = self.known.borrow_mut();
@@ -197,11 +183,6 @@ impl<'a> Section<'a> {
 pub fn number(value: &Value) -> Option<f64> {
     let number = value.as_float().or_else(|| value.as_integer().map(|i| i as f64))?;
     number.is_finite().then_some(number)
-}
-
-/// A number greater than zero.
-pub fn positive(value: &Value) -> Option<f64> {
-    number(value).filter(|x| *x > 0.0)
 }
 
 /// Exactly `count` finite numbers.

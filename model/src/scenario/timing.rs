@@ -3,30 +3,65 @@
 use std::time::Duration;
 
 use super::{
+    duration,
     error::ScenarioError,
-    section::{self, Section},
+    key::{
+        Default::{Required, Value},
+        Form, Parameter, Range,
+    },
+    section::Section,
 };
+
+const CLOCK: Parameter = Parameter::new(
+    "timing.clock",
+    Form::Choice(&["lockstep", "realtime"]),
+    "",
+    Value("\"lockstep\""),
+    "Virtual time that waits for each answer, or wall time on absolute deadlines.",
+);
+const SAMPLE_PERIOD: Parameter = Parameter::new(
+    "timing.sample_period",
+    Form::Duration(Duration::from_micros(10)),
+    "",
+    Required,
+    "T_s: from one measurement of the state to the next.",
+);
+const INTEGRATION_STEP: Parameter = Parameter::new(
+    "timing.integration_step",
+    Form::DurationOr(&["auto"]),
+    "",
+    Value("\"1 ms\""),
+    "Longest step of the integrator, more than 0; \"auto\": by tolerance where a study computes in \
+     lanes, else 1 ms.",
+);
+const TOLERANCE: Parameter = Parameter::new(
+    "timing.tolerance",
+    Form::Number(Range::Positive),
+    "rad, rad/s",
+    Value("1e-9"),
+    "Bound of the estimated error of a step, with integration_step = \"auto\".",
+);
+/// The keys of `timing`.
+pub(super) const KEYS: &[&Parameter] = &[&CLOCK, &SAMPLE_PERIOD, &INTEGRATION_STEP, &TOLERANCE];
 
 /// The plant's time base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
-    /// What waiting means.
+    /// Virtual time or wall time.
     pub clock: ClockKind,
     /// T_s.
     pub sample_period: Duration,
-    /// The longest step of the integrator: what was asked for, or 1 ms.
+    /// The longest step of the integrator.
     pub integration_step: Duration,
-    /// Where the integration step is "auto": how large the estimated error of a step may be, in rad and
-    /// rad/s. The lanes of a study choose their steps so; what takes equal steps takes the above.
+    /// Bound of a step's estimated error, rad and rad/s, where the integration step is "auto": for
+    /// the lanes of a study. The scalar path takes equal steps.
     pub tolerance: Option<f64>,
 }
 
-/// The integration step unless something else is asked for.
+/// The integration step where it is "auto" and steps are equal.
 const STEP: Duration = Duration::from_millis(1);
-/// The tolerance unless something else is asked for.
-const TOLERANCE: f64 = 1e-9;
 
-/// What waiting means to the plant.
+/// How the plant's time passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClockKind {
     /// Virtual time: the plant waits for each answer, however long it takes.
@@ -46,30 +81,20 @@ impl ClockKind {
 }
 
 impl Timing {
-    pub(super) fn read(section: Section<'_>, duration: Duration) -> Result<Self, ScenarioError> {
-        let nanosecond = Duration::from_nanos(1);
-        let clocks = [("lockstep", ClockKind::Lockstep), ("realtime", ClockKind::Realtime)];
-        let is_automatic = section
-            .optional("integration_step", "a duration or \"auto\"", |value| {
-                Some(value.as_str() == Some("auto"))
-            })?
-            .unwrap_or(false);
-        let tolerance = section.optional(
-            "tolerance",
-            "an error in rad and rad/s greater than 0",
-            section::positive,
-        )?;
+    pub(super) fn read(section: Section<'_>, longest: Duration) -> Result<Self, ScenarioError> {
+        // None is "auto".
+        let step = section.get(&INTEGRATION_STEP, 1, |value| match value.as_str()? {
+            "auto" => Some(None),
+            text => duration::parse(text).filter(|step| !step.is_zero()).map(Some),
+        })?;
+        let tolerance = section.number(&TOLERANCE)?;
         let timing = Self {
-            tolerance: is_automatic.then(|| tolerance.unwrap_or(TOLERANCE)),
-            clock: section.choice("clock", &clocks, Some(ClockKind::Lockstep))?,
-            sample_period: section.duration("sample_period", Duration::from_micros(10), None)?,
-            integration_step: if is_automatic {
-                STEP
-            } else {
-                section.duration("integration_step", nanosecond, Some(STEP))?
-            },
+            clock: section.word(&CLOCK, &[ClockKind::Lockstep, ClockKind::Realtime])?,
+            sample_period: section.duration(&SAMPLE_PERIOD)?,
+            integration_step: step.unwrap_or(STEP),
+            tolerance: step.is_none().then_some(tolerance),
         };
-        if timing.sample_period > duration {
+        if timing.sample_period > longest {
             return Err(section.refuse("sample_period", "no more than the duration of the run"));
         }
         section.finish()?;

@@ -69,13 +69,14 @@ fn parameters(law: &Description) -> impl Iterator<Item = &'static Parameter> {
 fn parameter(parameter: &Parameter) -> Value {
     let (form, words): (_, &[&str]) = match parameter.form {
         Form::Choice(words) => ("choice", words),
-        Form::Number => ("number", &[]),
-        Form::List => ("list", &[]),
+        Form::Number(_) => ("number", &[]),
+        Form::List(_) => ("list", &[]),
         Form::Matrix => ("matrix", &[]),
         Form::MatrixOr(words) => ("matrix", words),
         Form::Flag => ("choice", &["false", "true"]),
-        Form::Duration => ("duration", &[]),
+        Form::Duration(_) => ("duration", &[]),
         Form::DurationOr(words) => ("duration", words),
+        _ => ("text", &[]), // No law has a key of another form.
     };
     json!({
         "key": parameter.key,
@@ -84,7 +85,7 @@ fn parameter(parameter: &Parameter) -> Value {
         "words": words,
         "unit": parameter.unit,
         "default": match parameter.default {
-            Default::Required => Value::Null,
+            Default::Required | Default::Words(_) => Value::Null,
             Default::Value(value) => value.into(),
             Default::SameAs(key) => key.into(),
         },
@@ -115,7 +116,6 @@ fn axis(axis: &task::Axis) -> Value {
 pub fn scenario(offered: &Offered) -> String {
     let scenario = &offered.scenario;
     let limits = &scenario.safety.torque_limit;
-    let is_limited = limits.iter().any(|limit| limit.is_finite());
     let scene = Scene::new(scenario);
     json!({
         "kind": "scenario",
@@ -127,7 +127,7 @@ pub fn scenario(offered: &Offered) -> String {
         "axes": scene.task().axes.iter().map(axis).collect::<Vec<_>>(),
         "reach": scene.reach(),
         "path": scene.path().iter().map(|point| to_the_micrometre(*point)).collect::<Vec<_>>(),
-        "torque_limit": is_limited.then_some(limits),
+        "torque_limit": limits,
         "knobs": knobs(scenario),
     })
     .to_string()

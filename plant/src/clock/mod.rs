@@ -1,4 +1,4 @@
-//! The clock of a run: what waiting for an event means, and what handing over a state means.
+//! Clocks: how a run waits for an event, and for the answer to a state.
 
 mod lockstep;
 mod realtime;
@@ -58,7 +58,8 @@ pub(crate) trait Clock {
     fn apply(&mut self, _time_ns: u64) {}
     /// The run ended at `time_ns`.
     fn end(&mut self, _peer: &Peer<'_>, _sequencer: &mut Sequencer, _time_ns: u64) {}
-    /// How many sampling instants were reached only after the next was due; `None` where that cannot be.
+    /// How many sampling instants were reached only after the next was due; `None` where that
+    /// cannot be.
     fn deadline_misses(&self) -> Option<u64> {
         None
     }

@@ -21,7 +21,7 @@ struct Integrated<const N: usize> {
 }
 
 /// The arm of a scenario, integrated in equal steps no longer than the integration step.
-pub struct RungeKutta<const N: usize> {
+pub(super) struct RungeKutta<const N: usize> {
     arm: PlanarArm<f64, N>,
     state: Integrated<N>,
     disturbance: SVector<f64, N>,
@@ -31,7 +31,7 @@ pub struct RungeKutta<const N: usize> {
 
 impl<const N: usize> RungeKutta<N> {
     /// The arm at its initial state.
-    pub fn new(arm: &ArmSettings, step_ns: u64) -> Self {
+    pub(super) fn new(arm: &ArmSettings, step_ns: u64) -> Self {
         let state = Integrated {
             position: SVector::from_fn(|i, _| arm.position[i]),
             velocity: SVector::from_fn(|i, _| arm.velocity[i]),

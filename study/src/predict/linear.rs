@@ -14,7 +14,7 @@
 //! delivered   its mean over the period that ends at t_k:  φ F_{k−n−2} + (1−φ) F_{k−n−1}
 //! ```
 
-use mtj_controller::responder::{Recollection, Responder};
+use mtj_controller::responder::{Context, Responder};
 use mtj_model::{
     MAX_SIGNALS,
     arm::point_mass::PointMass,
@@ -91,7 +91,7 @@ impl<const M: usize> LinearLoop<M> {
             MemoryPolicy::Applied | MemoryPolicy::Delivered => state.echoed,
         };
         let echo = padded(remembered.as_slice());
-        let recollection = Recollection {
+        let context = Context {
             previous: Previous { time: -self.period, velocity: state.v_before },
             horizon: self.predicts.then_some(self.latency),
             echo: Some(&echo),
@@ -100,7 +100,7 @@ impl<const M: usize> LinearLoop<M> {
         let arm = PointMass { mass: self.model_mass };
         let responder = Responder { arm, trajectory: REST, law: self.law };
         let mut unseen = [0.0; MAX_SIGNALS];
-        responder.respond(0.0, &[state.x, state.v], &recollection, &mut unseen).command.torque
+        responder.respond(0.0, &[state.x, state.v], &context, &mut unseen).command.torque
     }
 
     /// The state one period on.

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use mtj_model::scenario::{Override, Scenario, duration};
-use mtj_plant::trace::Row;
+use mtj_plant::trace::TraceRow;
 
 use crate::{error::StudyError, experiment};
 
@@ -64,7 +64,7 @@ pub fn largest_latency(
 /// A latency as good as none, s.
 const NONE: f64 = 1e-6;
 
-fn distance(a: &Row, b: &Row) -> f64 {
+fn distance(a: &TraceRow, b: &TraceRow) -> f64 {
     (a.tip[0] - b.tip[0]).hypot(a.tip[1] - b.tip[1])
 }
 

@@ -1,7 +1,7 @@
 //! What a simulation of the arm does with a proposal.
 
 use mtj_model::scenario::Scenario;
-use mtj_plant::trace::Row;
+use mtj_plant::trace::TraceRow;
 use serde::Serialize;
 
 use super::Wanted;
@@ -86,17 +86,17 @@ fn simulate(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Run, Stud
     })
 }
 
-fn size(row: &Row) -> f64 {
+fn size(row: &TraceRow) -> f64 {
     row.error[0].hypot(row.error[1])
 }
 
-fn rms(rows: &[Row]) -> f64 {
+fn rms(rows: &[TraceRow]) -> f64 {
     let sum: f64 = rows.iter().map(|row| size(row).powi(2)).sum();
     (sum / rows.len().max(1) as f64).sqrt()
 }
 
 /// −1 over the slope of ln‖e‖, from the largest error until it is down to three times the floor.
-fn time_constant(rows: &[Row], floor: f64) -> Option<f64> {
+fn time_constant(rows: &[TraceRow], floor: f64) -> Option<f64> {
     let quarter = &rows[..rows.len() / 4];
     let peak = quarter.iter().enumerate().max_by(|a, b| size(a.1).total_cmp(&size(b.1)))?.0;
     let decay: Vec<(f64, f64)> = quarter[peak..]

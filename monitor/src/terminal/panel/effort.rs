@@ -20,9 +20,9 @@ use crate::{
 /// A bar for each joint: the torque in effect, and what was commanded in the time of the charts.
 pub fn torques(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let overview = &picture.view.overview;
-    let limits = picture.view.scenario().map_or(&[][..], |scenario| &scenario.safety.torque_limit);
-    let is_limited = limits.iter().any(|limit| limit.is_finite());
-    let right = if is_limited || limits.is_empty() { "" } else { "no limit" };
+    let safety = picture.view.scenario().map(|scenario| &scenario.safety);
+    let limits = safety.and_then(|safety| safety.torque_limit.as_deref());
+    let right = if safety.is_some() && limits.is_none() { "no limit" } else { "" };
     let area = picture.rule("Torque N m", Line::from(picture.ink(right, Ink::Faint)), area, buf);
     let in_effect = overview.status.map(|status| status.torque);
     let Some(torques) = in_effect.or(overview.torque.map(|torque| torque.torque)) else { return };
@@ -32,7 +32,7 @@ pub fn torques(picture: &Picture, area: Rect, buf: &mut Buffer) {
         let none = Range { min: 0.0, max: 0.0 };
         let commanded =
             picture.view.torque.get(joint).and_then(|track| track.range(from, to)).unwrap_or(none);
-        let limit = limits.get(joint).copied().filter(|limit| limit.is_finite());
+        let limit = limits.and_then(|limits| limits.get(joint)).copied();
         let scale = limit.unwrap_or_else(|| nice(commanded.peak().max(torque.abs())));
         let left = format!("{} {:>6} ", joint + 1, figure(torque));
         let right =

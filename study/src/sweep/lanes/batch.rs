@@ -1,6 +1,6 @@
 //! The loops of all lanes, moved together.
 
-use mtj_controller::responder::{Recollection, Responder, Response, is_singular};
+use mtj_controller::responder::{Context, Responder, Response, is_singular};
 use mtj_model::{
     MAX_SIGNALS,
     arm::{
@@ -225,14 +225,14 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
             *self.arms.configuration()
         };
         let echo = padded(&samples.recalled);
-        let recollection = Recollection {
+        let context = Context {
             previous: self.previous,
             horizon: if self.predicts { Some(samples.horizon) } else { None },
             echo: Some(&echo),
             precomputed: None,
         };
         let mut unseen = [T::zero(); MAX_SIGNALS];
-        let response = self.responder.respond(samples.time, &at, &recollection, &mut unseen);
+        let response = self.responder.respond(samples.time, &at, &context, &mut unseen);
         let heard = |new: T, old: T| T::zero().where_below(samples.is_heard, new, old);
         self.previous.time = heard(response.tip.time, self.previous.time);
         for axis in 0..M {

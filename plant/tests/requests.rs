@@ -19,7 +19,7 @@ use mtj_protocol::{
 const RUN: u64 = 7;
 
 /// Requests something as soon as so many states have been sent.
-struct Wishing<E> {
+struct Requesting<E> {
     inner: E,
     requests: Vec<(u64, RequestSample)>,
     states: Vec<StateSample>,
@@ -28,7 +28,7 @@ struct Wishing<E> {
     offered: Vec<(u32, Scenario)>,
 }
 
-impl<E: Exchange> Exchange for Wishing<E> {
+impl<E: Exchange> Exchange for Requesting<E> {
     fn send(&mut self, state: &mut StateSample) -> Result<(), BusError> {
         self.states.push(*state);
         self.inner.send(state)
@@ -77,7 +77,7 @@ fn run(
     let fixed = ["timing.clock=lockstep", "bus.kind=local", "duration=1s"];
     let sets: Vec<Override> = fixed.iter().chain(sets).map(|set| set.parse().unwrap()).collect();
     let scenario = Scenario::parse("here", built_in("sampled/mtj").unwrap(), &sets).unwrap();
-    let mut exchange = Wishing {
+    let mut exchange = Requesting {
         inner: Direct::new(RUN, |state: &StateSample| Ok::<_, Infallible>(respond(state))),
         requests: requests.to_vec(),
         states: Vec::new(),
@@ -87,7 +87,7 @@ fn run(
     };
     let watch = Watch { trace: true, round_trips: false };
     let outcome = plant::run(&scenario, RUN, &mut exchange, watch, &|| true).unwrap();
-    let Wishing { states, changes, phases, offered, .. } = exchange;
+    let Requesting { states, changes, phases, offered, .. } = exchange;
     Ran { outcome, states, changes, phases, offered }
 }
 
@@ -110,7 +110,7 @@ fn stiff(state: &StateSample) -> TorqueSample {
 }
 
 #[test]
-fn a_kick_gives_the_arm_its_angular_momentum() {
+fn a_disturbance_gives_the_arm_its_angular_momentum() {
     // Nothing depends on q₁, so the momentum p₁ = ∂T/∂q̇₁ is the impulse about the first joint:
     // p₁ = M₁₁ q̇₁ + M₁₂ q̇₂, with the two links' inertia written out.
     let momentum = |q: &[f64; 7], v: &[f64; 7]| {
@@ -133,7 +133,7 @@ fn a_kick_gives_the_arm_its_angular_momentum() {
 }
 
 #[test]
-fn a_pause_takes_nothing_from_the_run() {
+fn a_pause_does_not_change_the_run() {
     let through = run(&[], &[], stiff);
     let requests = [
         (20, request(1, Request::Pause)),
@@ -150,7 +150,7 @@ fn a_pause_takes_nothing_from_the_run() {
 }
 
 #[test]
-fn monitors_are_told_that_a_run_stands_still() {
+fn monitors_see_that_a_run_is_paused() {
     let mut requests = vec![(20, request(1, Request::Pause))];
     requests.extend((2..20).map(|number| (20, set(number, &["law.kp=31"]))));
     requests.push((20, request(20, Request::Resume)));
@@ -161,7 +161,7 @@ fn monitors_are_told_that_a_run_stands_still() {
 }
 
 #[test]
-fn a_reset_ends_the_run_with_the_scenario_as_it_is_by_now() {
+fn a_reset_ends_the_run_and_keeps_the_changed_scenario() {
     let requests =
         [(10, set(1, &["law.memory.policy=delivered"])), (20, request(2, Request::Reset))];
     let ran = run(&[], &requests, stiff);
@@ -196,7 +196,7 @@ fn a_change_is_in_effect_from_the_sample_it_names_and_offered_before() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_and_changes_nothing() {
+fn an_impossible_request_is_refused_and_changes_nothing() {
     let through = run(&[], &[], stiff);
     let requests = [
         (10, set(1, &["law.kp=-1"])),
@@ -224,7 +224,7 @@ fn what_cannot_be_is_refused_and_changes_nothing() {
 }
 
 #[test]
-fn whoever_asks_twice_is_answered_twice_and_gets_it_once() {
+fn a_repeated_request_is_answered_again_and_carried_out_once() {
     let kick = request(1, Request::Kick { torque: vec![5.0], milliseconds: 50.0 });
     let once = run(&[], &[(20, kick)], stiff);
     let twice = run(&[], &[(20, kick), (24, kick), (30, kick)], stiff);
