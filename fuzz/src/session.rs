@@ -9,10 +9,10 @@ use std::{
 
 use mtj_model::scenario::Scenario;
 use mtj_monitor::{
-    monitor::Audience,
+    monitor::Sink,
     overview::Overview,
     recording::{Recording, TOPICS, Timeline, Topic, read_json, write_json},
-    web::Dashboards,
+    web::WebDashboard,
 };
 use mtj_protocol::{
     codec, gate,
@@ -26,7 +26,7 @@ use mtj_protocol::{
 pub fn session(data: &[u8]) {
     let mut overview = Overview::default();
     let mut timeline = Timeline::default();
-    let mut dashboards = Dashboards::unseen();
+    let mut dashboard = WebDashboard::detached();
     let mut rest = data;
     while let Some((topic, bytes)) = rest.split_first() {
         let (message, used) = match TOPICS[usize::from(*topic) % TOPICS.len()] {
@@ -44,9 +44,9 @@ pub fn session(data: &[u8]) {
         if !matches!(message, Message::Scenario(_)) {
             same_in_json(&message);
         }
-        overview.hear(&message);
-        timeline.place(&message, 1 << 60);
-        dashboards.hear(&message);
+        overview.handle(&message);
+        timeline.log_time(&message, 1 << 60);
+        dashboard.handle(&message);
         let _ = (overview.time(), overview.law(), overview.alarm(), overview.phase());
         match message {
             Message::Change(change) => drop(change.words()),

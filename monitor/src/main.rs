@@ -4,7 +4,6 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use mtj_monitor::options::MonitorOptions;
-use mtj_protocol::bus::BusError;
 
 #[derive(Parser)]
 #[command(name = "mtj-monitor", version, about)]
@@ -18,7 +17,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("mtj-monitor: {error}");
-            ExitCode::from(if matches!(error, BusError::Settings(_)) { 2 } else { 1 })
+            ExitCode::from(if error.is_bad_input() { 2 } else { 1 })
         }
     }
 }

@@ -1,20 +1,21 @@
 //! The monitor's command line.
 
 use clap::Args;
-use mtj_protocol::{bus::BusError, member::Role, options::RoleOptions};
+use mtj_protocol::{member::Role, options::RoleOptions};
 
 #[cfg(feature = "foxglove")]
 use crate::foxglove::FoxgloveOptions;
 use crate::{
+    error::MonitorError,
     fleet::{self, Pattern},
     lines::Lines,
-    monitor::{self, Audience, Live},
+    monitor::{self, BusSource, Sink},
     recording::options::RecordingOptions,
     terminal::TerminalOptions,
-    web::{Place, WebOptions},
+    web::{SessionInfo, WebOptions},
 };
 
-/// What a monitor that was started by another process says, on standard error, when it listens.
+/// The line on standard error by which a monitor tells the process that started it that it listens.
 pub const LISTENING: &str = "mtj monitor: listening";
 
 /// Run a monitor alone: a line a second, a dashboard in a browser or in the terminal, a recording
@@ -23,12 +24,12 @@ pub struct MonitorOptions {
     /// Where the plant is.
     #[command(flatten)]
     pub role: RoleOptions,
-    /// For whom.
+    /// Which displays and recordings.
     #[command(flatten)]
     pub audience: AudienceOptions,
 }
 
-/// For whom a monitor listens.
+/// Which displays and recordings a monitor feeds.
 #[derive(Args, Clone, Debug, Default)]
 pub struct AudienceOptions {
     /// The dashboard in a browser.
@@ -61,60 +62,57 @@ impl AudienceOptions {
 }
 
 impl MonitorOptions {
-    /// Watches until asked to stop: one session, or all that a pattern means.
-    pub fn run(&self) -> Result<(), BusError> {
+    /// Monitors one session, or all that match a pattern, until asked to stop.
+    pub fn run(&self) -> Result<(), MonitorError> {
         match &self.role.bus.session {
-            Some(name) if Pattern::is_one(name) => self.watch_fleet(&name.parse()?),
-            _ => self.watch_one(),
+            Some(name) if Pattern::is_pattern(name) => self.run_fleet(&name.parse()?),
+            _ => self.run_session(),
         }
     }
 
-    fn watch_fleet(&self, pattern: &Pattern) -> Result<(), BusError> {
+    fn run_fleet(&self, pattern: &Pattern) -> Result<(), MonitorError> {
         if let Some(flag) = self.audience.arguments().first() {
-            return Err(BusError::Settings(format!(
-                "--session '{}' means many sessions, and {flag} is for one; name one, or leave out {flag} \
-                 for a table of all",
-                pattern.as_str()
-            )));
+            let pattern = pattern.as_str().to_owned();
+            return Err(MonitorError::OneSessionOnly { pattern, flag: flag.clone() });
         }
         let mut role = self.role.clone();
         role.bus.session = None;
         let shutdown = role.shutdown();
         let Some(bus) = role.join(Role::Monitor, shutdown)? else { return Ok(()) };
-        fleet::watch(&bus, pattern, std::io::stdout(), &|| shutdown.proceed())
+        fleet::run(&bus, pattern, std::io::stdout(), &|| shutdown.proceed())
     }
 
-    fn watch_one(&self) -> Result<(), BusError> {
+    fn run_session(&self) -> Result<(), MonitorError> {
         let AudienceOptions { web, terminal, recording, .. } = &self.audience;
-        // What cannot be is said before anything is begun.
+        // Bad input is reported before anything is started.
         terminal.check()?;
-        let settings = self.role.bus.settings();
-        let settings = settings.map_err(|error| BusError::Settings(error.to_string()))?;
-        let recording = recording.begin(&settings)?;
-        let reception = web.listen()?;
+        let settings = self.role.bus.settings()?;
+        let recording = recording.create(&settings)?;
+        let listener = web.listen()?;
         #[cfg(feature = "foxglove")]
         let foxglove = self.audience.foxglove.serve(&settings.session)?;
         let shutdown = self.role.shutdown();
         let Some(bus) = self.role.join(Role::Monitor, shutdown)? else { return Ok(()) };
-        let mut source = Live::open(&bus)?;
-        let mut audience: Vec<Box<dyn Audience>> = Vec::new();
-        if let Some(reception) = reception {
-            reception.join(&bus, &Place::from(&settings), &mut audience)?;
+        let mut source = BusSource::open(&bus)?;
+        let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
+        if let Some(listener) = listener {
+            listener.serve_bus(&bus, &SessionInfo::from(&settings), &mut sinks)?;
         }
         #[cfg(feature = "foxglove")]
         if let Some(foxglove) = foxglove {
-            audience.push(Box::new(foxglove));
+            sinks.push(Box::new(foxglove));
         }
         if let Some(recording) = recording {
-            audience.push(Box::new(recording.start()?));
+            sinks.push(Box::new(recording.start()?));
         }
         if self.role.until_stdin_closes {
+            // The process that started this one waits for exactly this line.
             eprintln!("{LISTENING}");
         }
         match terminal.open(&self.role.bus)? {
-            Some(dashboard) => audience.push(Box::new(dashboard)),
-            None => audience.push(Box::new(Lines::new(std::io::stdout()))),
+            Some(dashboard) => sinks.push(Box::new(dashboard)),
+            None => sinks.push(Box::new(Lines::new(std::io::stdout()))),
         }
-        monitor::attend(&mut source, &mut audience, &|| shutdown.proceed())
+        monitor::run(&mut source, &mut sinks, &|| shutdown.proceed())
     }
 }

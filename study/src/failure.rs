@@ -4,6 +4,7 @@ use std::{fmt, io};
 
 use mtj_controller::serve::ServeError;
 use mtj_model::scenario::ScenarioError;
+use mtj_monitor::{error::MonitorError, recording::RecordingError};
 use mtj_plant::options::PlantError;
 use mtj_protocol::bus::BusError;
 
@@ -61,6 +62,19 @@ impl From<ServeError> for Failure {
             ServeError::Bus(error) => error.into(),
             ServeError::Law(error) => Self::new(error, false),
         }
+    }
+}
+
+impl From<MonitorError> for Failure {
+    fn from(error: MonitorError) -> Self {
+        let is_bad_input = error.is_bad_input();
+        Self::new(error, is_bad_input)
+    }
+}
+
+impl From<RecordingError> for Failure {
+    fn from(error: RecordingError) -> Self {
+        MonitorError::from(error).into()
     }
 }
 
