@@ -3,7 +3,7 @@
 use std::{
     collections::{BTreeMap, VecDeque},
     sync::Arc,
-    time::{Duration, Instant, UNIX_EPOCH},
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
 use mtj_model::law::{Description, Signal};
@@ -55,6 +55,29 @@ pub struct Overview {
     controllers: BTreeMap<u64, (PresenceSample, Instant)>,
     run: Option<u64>,
     past_runs: VecDeque<u64>,
+    /// Whether this monitor was there before the run.
+    saw_previous_run: bool,
+    joined: Option<Joined>,
+}
+
+/// When a monitor joined a run that had begun.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Joined {
+    /// The run's time, ns.
+    pub time_ns: u64,
+    /// How many times the scenario had been changed before.
+    pub missed_changes: u32,
+}
+
+impl Joined {
+    /// What is not known, for the end of a list of changes.
+    pub fn words(&self) -> String {
+        match self.missed_changes {
+            0 => "monitor joined".to_owned(),
+            1 => "monitor joined after 1 change".to_owned(),
+            count => format!("monitor joined after {count} changes"),
+        }
+    }
 }
 
 /// What is known of the plant or of the leading controller.
@@ -132,13 +155,13 @@ impl RoleStatus {
         self.last_heard = Some(now);
     }
 
-    /// How long it has taken part: by its own clock since it joined or, before its first presence
-    /// sample, since its first message.
+    /// How long it has taken part: since it joined, by its own clock, or since its first message if
+    /// that is longer ago.
     pub fn age(&self) -> Option<Duration> {
         let observed = self.since?.elapsed();
-        let joined =
-            self.presence.map(|presence| UNIX_EPOCH + Duration::from_nanos(presence.since_ns));
-        let by_its_clock = joined.and_then(|joined| joined.elapsed().ok());
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let joined = self.presence.map(|presence| Duration::from_nanos(presence.since_ns));
+        let by_its_clock = joined.and_then(|joined| now.checked_sub(joined));
         Some(by_its_clock.map_or(observed, |age| age.max(observed)))
     }
 
@@ -162,6 +185,7 @@ impl Overview {
             }
             Message::State(state) => {
                 self.begin(state.header.run);
+                self.note_first(&state.header);
                 self.plant.note_message(silence_limit);
                 self.handle_state(state);
                 self.identify_controller();
@@ -176,6 +200,7 @@ impl Overview {
             }
             Message::Status(status) => {
                 self.begin(status.header.run);
+                self.note_first(&status.header);
                 self.plant.note_message(silence_limit);
                 self.status = Some(*status);
             }
@@ -211,10 +236,28 @@ impl Overview {
         let mut past_runs = std::mem::take(&mut self.past_runs);
         past_runs.extend(self.run);
         past_runs.drain(..past_runs.len().saturating_sub(RUNS));
-        let (plant, controller) = (self.plant, self.controller);
-        let controllers = std::mem::take(&mut self.controllers);
-        *self =
-            Self { plant, controller, controllers, past_runs, run: Some(run), ..Self::default() };
+        *self = Self {
+            plant: self.plant,
+            controller: self.controller,
+            controllers: std::mem::take(&mut self.controllers),
+            saw_previous_run: self.run.is_some(),
+            past_runs,
+            run: Some(run),
+            ..Self::default()
+        };
+    }
+
+    /// Notes the run's first message: if it is not of the start, this monitor may have missed changes.
+    fn note_first(&mut self, header: &Header) {
+        let is_first = self.state.is_none() && self.status.is_none();
+        if is_first && !self.saw_previous_run && header.time_ns > 0 {
+            self.joined = Some(Joined { time_ns: header.time_ns, missed_changes: header.revision });
+        }
+    }
+
+    /// When this monitor joined the run; `None` if it was there from the start.
+    pub fn joined(&self) -> Option<Joined> {
+        self.joined
     }
 
     /// Selects the presence of the leader or, before there is one, of any controller.
@@ -363,4 +406,58 @@ pub fn period_deviation_ns(before: &StateSample, state: &StateSample) -> Option<
     // Sequence 0 is repeated until a controller answers; its time stamp is of the last repetition.
     (is_next && before.header.sequence > 0)
         .then(|| since(state.sent_ns, before.sent_ns).wrapping_sub(period))
+}
+
+#[cfg(test)]
+mod tests {
+    use mtj_protocol::sample::{VERSION, text};
+
+    use super::*;
+
+    fn header(run: u64, time_s: u64, revision: u32) -> Header {
+        let time_ns = time_s * 1_000_000_000;
+        let (version, joints, axes) = (VERSION, 2, 2);
+        Header { version, joints, axes, revision, run, sequence: 100 * time_s, time_ns }
+    }
+
+    fn state(run: u64, time_s: u64, revision: u32) -> Message {
+        let header = header(run, time_s, revision);
+        Message::State(StateSample { header, ..Default::default() })
+    }
+
+    #[test]
+    fn a_monitor_that_joins_late_knows_that_it_missed_changes() {
+        let mut late = Overview::default();
+        late.handle(&state(1, 275, 3));
+        late.handle(&state(1, 276, 4));
+        let joined = Joined { time_ns: 275_000_000_000, missed_changes: 3 };
+        assert_eq!(late.joined(), Some(joined));
+        assert_eq!(joined.words(), "monitor joined after 3 changes");
+        late.handle(&state(2, 1, 4));
+        assert_eq!(late.joined(), None, "it was there when the next run started");
+
+        let mut early = Overview::default();
+        early.handle(&state(1, 0, 0));
+        early.handle(&state(1, 1, 0));
+        assert_eq!(early.joined(), None);
+    }
+
+    #[test]
+    fn a_role_is_as_old_as_its_presence_says_and_not_as_what_was_heard_of_it() {
+        let mut overview = Overview::default();
+        overview.handle(&state(1, 275, 0));
+        assert!(overview.plant().age().unwrap() < Duration::from_secs(1), "all that is known yet");
+        let since = SystemTime::now() - Duration::from_secs(280);
+        let since_ns = since.duration_since(UNIX_EPOCH).unwrap().as_nanos() as u64;
+        let presence = |since_ns| {
+            let (header, host) = (header(1, 275, 0), text("robot"));
+            let sample = PresenceSample { header, since_ns, host, ..Default::default() };
+            Message::Presence(PresenceSample { role: Role::Plant as u64, ..sample })
+        };
+        overview.handle(&presence(since_ns));
+        assert_eq!(overview.plant().age().unwrap().as_secs(), 280);
+        overview.handle(&presence(u64::MAX));
+        let age = overview.plant().age().unwrap();
+        assert!(age < Duration::from_secs(1), "a clock that is ahead tells nothing: {age:?}");
+    }
 }

@@ -57,7 +57,7 @@ pub enum RecordingError {
         /// The file.
         path: PathBuf,
         /// Where.
-        source: McapError,
+        source: Box<McapError>,
     },
     /// A message cannot be read.
     #[error("{}: message {sequence} of {channel} cannot be read: {source}", path.display())]
@@ -69,7 +69,7 @@ pub enum RecordingError {
         /// The message's channel.
         channel: String,
         /// Why.
-        source: MessageError,
+        source: Box<MessageError>,
     },
 }
 

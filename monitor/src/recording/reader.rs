@@ -80,8 +80,9 @@ impl Iterator for Recording {
                     self.is_cut_short = true;
                     return None;
                 }
-                Err(source) => {
-                    return Some(Err(RecordingError::Damaged { path: self.path.clone(), source }));
+                Err(error) => {
+                    let (path, source) = (self.path.clone(), Box::new(error));
+                    return Some(Err(RecordingError::Damaged { path, source }));
                 }
             };
             let channel = &message.channel.topic;
@@ -90,11 +91,11 @@ impl Iterator for Recording {
             let log_time = message.log_time;
             return Some(match json::read(topic, &message.data) {
                 Ok(message) => Ok(RecordedMessage { log_time, message }),
-                Err(source) => Err(RecordingError::Message {
+                Err(error) => Err(RecordingError::Message {
                     path: self.path.clone(),
                     sequence: message.sequence,
                     channel: channel.clone(),
-                    source,
+                    source: Box::new(error),
                 }),
             });
         }

@@ -6,13 +6,13 @@
 use std::collections::VecDeque;
 
 /// The width of a bin, ns of run time.
-pub const WIDTH_NS: u64 = 10_000_000;
+pub(super) const WIDTH_NS: u64 = 10_000_000;
 /// How many bins of run time are kept: ten minutes.
 const KEPT: u64 = 60_000;
 
 /// Minimum and maximum of a series in a bin; NaN without samples.
 #[derive(Clone, Copy, Debug)]
-pub struct Range {
+pub(super) struct Range {
     /// The minimum.
     pub min: f32,
     /// The maximum.
@@ -29,14 +29,14 @@ impl Range {
     }
 
     /// Whether there is no sample.
-    pub fn is_empty(self) -> bool {
+    pub(super) fn is_empty(self) -> bool {
         self.min.is_nan()
     }
 }
 
 /// All series over one bin's time.
 #[derive(Clone, Debug)]
-pub struct Bin {
+pub(super) struct Bin {
     /// Counted from the start of the run.
     pub number: u64,
     /// One range for each series.
@@ -45,24 +45,24 @@ pub struct Bin {
 
 /// The bins of the last ten minutes of a run that have samples.
 #[derive(Default)]
-pub struct History {
+pub(super) struct History {
     series: usize,
     bins: VecDeque<Bin>,
 }
 
 impl History {
     /// An empty history of a number of series.
-    pub fn new(series: usize) -> Self {
+    pub(super) fn new(series: usize) -> Self {
         Self { series, bins: VecDeque::new() }
     }
 
     /// How many series there are.
-    pub fn series(&self) -> usize {
+    pub(super) fn series(&self) -> usize {
         self.series
     }
 
     /// Adds one sample of a series.
-    pub fn add(&mut self, time_ns: u64, series: usize, value: f64) {
+    pub(super) fn add(&mut self, time_ns: u64, series: usize, value: f64) {
         // Rounding is monotonic: the maximum stays the maximum.
         let value = value as f32;
         if let Some(bin) = self.bin(time_ns / WIDTH_NS) {
@@ -98,14 +98,18 @@ impl History {
     }
 
     /// The bins from number `from` up to and without `to`.
-    pub fn between(&self, from: u64, to: u64) -> impl ExactSizeIterator<Item = &Bin> + Clone {
+    pub(super) fn between(
+        &self,
+        from: u64,
+        to: u64,
+    ) -> impl ExactSizeIterator<Item = &Bin> + Clone {
         let end = self.index(to);
         self.bins.range(self.index(from).min(end)..end)
     }
 }
 
 /// Merges each `span` neighbouring bins, counted from `first`, into one.
-pub fn merge(bins: impl Iterator<Item = Bin>, first: u64, span: u64) -> Vec<Bin> {
+pub(super) fn merge(bins: impl Iterator<Item = Bin>, first: u64, span: u64) -> Vec<Bin> {
     let mut merged: Vec<Bin> = Vec::new();
     for bin in bins {
         let number = first + bin.number.saturating_sub(first) / span * span;

@@ -37,7 +37,7 @@ const BINS_A_DECADE: i32 = 10;
 const DECADES: i32 = 6;
 
 /// The first message: the session and the laws.
-pub fn hello(index: &SessionInfo, read_only: bool) -> String {
+pub(super) fn hello(index: &SessionInfo, read_only: bool) -> String {
     json!({
         "kind": "hello",
         "session": index.session,
@@ -112,7 +112,7 @@ fn axis(axis: &task::Axis) -> Value {
 }
 
 /// A scenario.
-pub fn scenario(offered: &Offered) -> String {
+pub(super) fn scenario(offered: &Offered) -> String {
     let scenario = &offered.scenario;
     let limits = &scenario.safety.torque_limit;
     let is_limited = limits.iter().any(|limit| limit.is_finite());
@@ -160,7 +160,7 @@ fn words(length: Duration) -> String {
 }
 
 /// The bins of an update.
-pub fn bins(Update { index, bins, span, .. }: &Update) -> String {
+pub(super) fn bins(Update { index, bins, span, .. }: &Update) -> String {
     let bins = BinsMessage {
         kind: "bins",
         width: seconds(*span),
@@ -241,7 +241,7 @@ impl Serialize for Edge<'_> {
 }
 
 /// An accepted or refused change.
-pub fn change(change: &ChangeSample) -> String {
+pub(super) fn change(change: &ChangeSample) -> String {
     json!({
         "kind": "mark",
         "time": change.header.time_ns as f64 * 1e-9,
@@ -253,7 +253,7 @@ pub fn change(change: &ChangeSample) -> String {
 }
 
 /// The current state of the session.
-pub fn now(store: &Store, dashboards: usize, with_histogram: bool) -> String {
+pub(super) fn now(store: &Store, dashboards: usize, with_histogram: bool) -> String {
     let overview = &store.overview;
     let (state, status) = (overview.state.as_ref(), overview.status.as_ref());
     let scene = store.reader.scene();
@@ -262,6 +262,10 @@ pub fn now(store: &Store, dashboards: usize, with_histogram: bool) -> String {
         "kind": "now",
         "time": overview.time(),
         "phase": overview.phase().map(Phase::name),
+        "joined": overview.joined().map(|joined| json!({
+            "time": joined.time_ns as f64 * 1e-9,
+            "words": joined.words(),
+        })),
         "alarm": alarm.map(|alarm| json!({ "code": code(alarm), "sentence": alarm.sentence() })),
         "arm": scene.zip(state).map(|(scene, state)| scene.points(&state.position)),
         "true_arm": scene.zip(status).map(|(scene, status)| scene.points(&status.position)),

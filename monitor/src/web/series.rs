@@ -16,7 +16,7 @@ use crate::overview::{period_deviation_ns, reports_new_torque};
 
 /// The indices of the series of each quantity.
 #[derive(Debug, Default)]
-pub struct SeriesIndex {
+pub(super) struct SeriesIndex {
     names: Vec<String>,
     /// Desired − measured at the state's own time stamp, for each task axis.
     error: Vec<usize>,
@@ -93,13 +93,13 @@ impl SeriesIndex {
     }
 
     /// The names of all series.
-    pub fn names(&self) -> &[String] {
+    pub(super) fn names(&self) -> &[String] {
         &self.names
     }
 
     /// The index of a series.
     #[cfg(test)]
-    pub fn position(&self, name: &str) -> usize {
+    pub(super) fn position(&self, name: &str) -> usize {
         self.names.iter().position(|known| known == name).unwrap()
     }
 
@@ -118,7 +118,7 @@ fn add(names: &mut Vec<String>, name: String) -> usize {
 
 /// Extracts the plotted numbers from messages.
 #[derive(Default)]
-pub struct SeriesReader {
+pub(super) struct SeriesReader {
     scene: Option<Scene>,
     index: Arc<SeriesIndex>,
     law: Name,
@@ -127,7 +127,7 @@ pub struct SeriesReader {
 
 impl SeriesReader {
     /// Sets the scenario of the following messages.
-    pub fn set_scenario(&mut self, scenario: &Scenario) {
+    pub(super) fn set_scenario(&mut self, scenario: &Scenario) {
         let scene = Scene::new(scenario);
         self.index = Arc::new(SeriesIndex::new(scenario, &scene));
         self.scene = Some(scene);
@@ -135,17 +135,17 @@ impl SeriesReader {
     }
 
     /// The scene of the scenario; `None` before the first scenario.
-    pub fn scene(&self) -> Option<&Scene> {
+    pub(super) fn scene(&self) -> Option<&Scene> {
         self.scene.as_ref()
     }
 
     /// The series; empty before the first scenario.
-    pub fn index(&self) -> &Arc<SeriesIndex> {
+    pub(super) fn index(&self) -> &Arc<SeriesIndex> {
         &self.index
     }
 
     /// Passes all plotted numbers of a message to `put`, each with the index of its series.
-    pub fn read(&mut self, message: &Message, put: &mut dyn FnMut(usize, f64)) {
+    pub(super) fn read(&mut self, message: &Message, put: &mut dyn FnMut(usize, f64)) {
         let Some(scene) = &self.scene else { return };
         match message {
             Message::State(state) => {

@@ -19,7 +19,7 @@ use crate::terminal::{palette::Tone, view::Bounds};
 const FRESH: f64 = 0.6;
 
 /// The arm, the desired path and point, the measured tip and its trail.
-pub fn render(picture: &Picture, area: Rect, buf: &mut Buffer) {
+pub(super) fn render(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let area = picture.rule("Arm", Line::default(), area, buf);
     let (Some(bounds), Some(arm)) = (picture.view.bounds, picture.view.arm()) else { return };
     if area.is_empty() {

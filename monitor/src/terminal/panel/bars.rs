@@ -21,7 +21,7 @@ use crate::{
 };
 
 /// The title: session and scenario, phase and time.
-pub fn title(picture: &Picture, area: Rect, buf: &mut Buffer) {
+pub(super) fn title(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let scenario = picture.view.scenario().map_or("", |scenario| &scenario.name);
     let mut left = vec![picture.styled("mtj ", Tone::Strong), Span::raw(picture.session)];
     if !scenario.is_empty() {
@@ -47,7 +47,7 @@ pub fn title(picture: &Picture, area: Rect, buf: &mut Buffer) {
 }
 
 /// The settings of the loop that matter most.
-pub fn facts(picture: &Picture, area: Rect, buf: &mut Buffer) {
+pub(super) fn facts(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let mut facts = Vec::new();
     let overview = &picture.view.overview;
     if let Some(scenario) = picture.view.scenario() {
@@ -101,7 +101,7 @@ fn memory_and_prediction(
 }
 
 /// The banner of an alarm.
-pub fn banner(picture: &Picture, alarm: Alarm, area: Rect, buf: &mut Buffer) {
+pub(super) fn banner(picture: &Picture, alarm: Alarm, area: Rect, buf: &mut Buffer) {
     let tone = match alarm {
         Alarm::PlantSilent(_) | Alarm::ControllerSilent(_) => Tone::Alarm,
         Alarm::NoPlant | Alarm::NoController => Tone::Waiting,
@@ -111,7 +111,7 @@ pub fn banner(picture: &Picture, alarm: Alarm, area: Rect, buf: &mut Buffer) {
 }
 
 /// The keys, and on the right a log line, missed samples or, if no panel shows them, the roles.
-pub fn keys(picture: &Picture, has_roles: bool, area: Rect, buf: &mut Buffer) {
+pub(super) fn keys(picture: &Picture, has_roles: bool, area: Rect, buf: &mut Buffer) {
     let hold = if picture.is_held { "go on" } else { "hold" };
     let window = format!("{} s", picture.window);
     let keys = [("q", "quit"), ("space", hold), ("+/−", &window), ("?", "keys")];
@@ -138,7 +138,7 @@ pub fn keys(picture: &Picture, has_roles: bool, area: Rect, buf: &mut Buffer) {
 }
 
 /// The help: what the keys do.
-pub fn help(picture: &Picture, area: Rect, buf: &mut Buffer) {
+pub(super) fn help(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let row = |key: &'static str, what: &'static str| {
         Line::from(vec![picture.styled(format!("  {key:<10}"), Tone::Strong), Span::raw(what)])
     };
@@ -158,7 +158,7 @@ pub fn help(picture: &Picture, area: Rect, buf: &mut Buffer) {
 }
 
 /// Shown instead of the panels: how large the screen must be.
-pub fn too_small(picture: &Picture, area: Rect, buf: &mut Buffer) {
+pub(super) fn too_small(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let (width, height) = SMALLEST;
     let mut words = format!(
         "This terminal is {} × {}; the dashboard needs {width} × {height}. Make it larger, or press q.",

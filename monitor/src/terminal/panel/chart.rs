@@ -24,7 +24,7 @@ const SMALLEST_ERROR: f64 = 1e-9;
 const GAP: f64 = 0.5;
 
 /// Tracking error, on a logarithmic scale.
-pub fn error(picture: &Picture, area: Rect, buf: &mut Buffer) {
+pub(super) fn error(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let [from, to] = window(picture);
     let range = picture.view.error.range(from, to);
     let newest = picture.view.tip_error();
@@ -48,7 +48,7 @@ pub fn error(picture: &Picture, area: Rect, buf: &mut Buffer) {
 }
 
 /// The law's primary signal.
-pub fn signal(picture: &Picture, area: Rect, buf: &mut Buffer) {
+pub(super) fn signal(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let now = picture.view.overview.law().and_then(primary_signal);
     let shown = now.or(picture.view.signal_description);
     let [from, to] = window(picture);

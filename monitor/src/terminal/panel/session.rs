@@ -19,7 +19,7 @@ use crate::{
 const QUIET: Duration = Duration::from_millis(2500);
 
 /// The panels of commands, roles and changes, one below the other.
-pub fn render(picture: &Picture, area: Rect, buf: &mut Buffer) {
+pub(super) fn render(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let counts = counts(picture, area.width);
     // On a high screen the host has a line of its own.
     let lines = if area.height >= 12 { 2 } else { 1 };
@@ -36,12 +36,12 @@ pub fn render(picture: &Picture, area: Rect, buf: &mut Buffer) {
     render_lines(roles, picture.rule("Roles", Line::default(), statuses, buf), buf);
     if changes.height >= 2 {
         let area = picture.rule("Changes", Line::default(), changes, buf);
-        render_lines(self::changes(picture), area, buf);
+        render_lines(self::changes(picture, area.width), area, buf);
     }
 }
 
 /// How many commands were lost, late or rejected, and the counts of other incidents.
-pub fn counts<'a>(picture: &Picture, width: u16) -> Vec<Line<'a>> {
+pub(super) fn counts<'a>(picture: &Picture, width: u16) -> Vec<Line<'a>> {
     let status = picture.view.overview.status.unwrap_or_default();
     let counts = [
         ("lost", status.lost),
@@ -65,7 +65,7 @@ pub fn counts<'a>(picture: &Picture, width: u16) -> Vec<Line<'a>> {
 }
 
 /// Plant and controller, each with its indicator.
-pub fn indicators<'a>(picture: &Picture) -> Line<'a> {
+pub(super) fn indicators<'a>(picture: &Picture) -> Line<'a> {
     let mut spans = Vec::new();
     for (name, role, is_silent) in statuses(picture) {
         spans.extend([indicator(picture, role, is_silent), Span::raw(format!(" {name} "))]);
@@ -126,20 +126,52 @@ fn indicator<'a>(picture: &Picture, role: &RoleStatus, is_silent: bool) -> Span<
     }
 }
 
-/// The newest first.
-fn changes<'a>(picture: &Picture) -> Vec<Line<'a>> {
+/// The changes of the run, the newest first; the end of the list says what this monitor missed.
+fn changes<'a>(picture: &Picture, width: u16) -> Vec<Line<'a>> {
     let overview = &picture.view.overview;
-    let lines = overview.changes.iter().rev().map(|change| {
-        let time =
-            picture.styled(format!("{:.1} ", change.header.time_ns as f64 * 1e-9), Tone::Faint);
-        let words = match change.outcome() {
-            Ok(()) => picture.styled(change.words(), Tone::Change),
-            Err(reason) => picture.styled(format!("refused: {reason}"), Tone::Bad),
-        };
-        Line::from(vec![time, words])
-    });
-    let none = Line::from(picture.styled("none in this run", Tone::Faint));
-    if overview.changes.is_empty() { vec![none] } else { lines.collect() }
+    let entry = |time_ns: u64, words: &str, tone| {
+        let time = format!("{:.1} ", time_ns as f64 * 1e-9);
+        let lines = break_words(words, usize::from(width).saturating_sub(time.len()));
+        let indent = " ".repeat(time.len());
+        let starts = std::iter::once(time).chain(std::iter::repeat(indent));
+        let lines: Vec<_> = starts.zip(lines).collect();
+        lines.into_iter().map(move |(start, line)| {
+            Line::from(vec![picture.styled(start, Tone::Faint), picture.styled(line, tone)])
+        })
+    };
+    let mut lines = Vec::new();
+    for change in overview.changes.iter().rev() {
+        lines.extend(match change.outcome() {
+            Ok(()) => entry(change.header.time_ns, &change.words(), Tone::Change),
+            Err(reason) => entry(change.header.time_ns, &format!("refused: {reason}"), Tone::Bad),
+        });
+    }
+    match overview.joined() {
+        Some(joined) => lines.extend(entry(joined.time_ns, &joined.words(), Tone::Faint)),
+        None if lines.is_empty() => {
+            lines.push(picture.styled("none in this run", Tone::Faint).into())
+        }
+        None => {}
+    }
+    lines
+}
+
+/// Breaks a text into lines of at most `width` characters: at a blank or, so that the value of a long
+/// `key=value` stays in one piece, after the last dot or equals sign that fits.
+fn break_words(words: &str, width: usize) -> Vec<String> {
+    let mut rest: Vec<char> = words.chars().collect();
+    let mut lines = Vec::new();
+    while width > 0 && rest.len() > width {
+        let last = |is_end: fn(char) -> bool| rest[..width].iter().rposition(|c| is_end(*c));
+        let blank = if rest[width] == ' ' { Some(width - 1) } else { last(|c| c == ' ') };
+        let end = blank.or_else(|| last(|c| c == '=' || c == '.')).map_or(width, |end| end + 1);
+        let line: String = rest.drain(..end).collect();
+        lines.push(line.trim_end().to_owned());
+        let blanks = rest.iter().take_while(|c| **c == ' ').count();
+        rest.drain(..blanks);
+    }
+    lines.push(rest.into_iter().collect());
+    lines
 }
 
 fn elapsed(time: Duration) -> String {
@@ -148,5 +180,25 @@ fn elapsed(time: Duration) -> String {
         0..60 => format!("{seconds} s"),
         60..3600 => format!("{}:{:02}", seconds / 60, seconds % 60),
         _ => format!("{}:{:02}:{:02}", seconds / 3600, seconds / 60 % 60, seconds % 60),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_is_broken_at_blanks_and_before_a_value() {
+        for (words, width, lines) in [
+            ("law.kind=tj", 20, &["law.kind=tj"][..]),
+            ("link.torque.latency=5ms", 20, &["link.torque.latency=", "5ms"]),
+            ("link.torque.latency=5ms", 10, &["link.", "torque.", "latency=", "5ms"]),
+            ("law.kind=tj, law.kp=3", 14, &["law.kind=tj,", "law.kp=3"]),
+            ("refused: there is no law", 16, &["refused: there", "is no law"]),
+            ("12345678", 3, &["123", "456", "78"]),
+            ("anything", 0, &["anything"]),
+        ] {
+            assert_eq!(break_words(words, width), lines, "{words} in {width}");
+        }
     }
 }

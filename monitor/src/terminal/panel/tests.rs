@@ -171,8 +171,8 @@ fn a_large_screen_shows_everything() {
     let change = |request: RequestSample, outcome| {
         Message::Change(ChangeSample::answer(header(120), &request, outcome))
     };
-    view.handle(&change(set(1, &["law.kind=tj"]), Ok(())));
-    view.handle(&change(set(2, &["law.kind=pd"]), Err("there is no law pd")));
+    view.handle(&change(set(1, &["law.kind=pd"]), Err("there is no law pd")));
+    view.handle(&change(set(2, &["law.kind=tj"]), Ok(())));
     view.handle(&Message::Presence(PresenceSample {
         header: header(200),
         role: 1,
@@ -201,6 +201,27 @@ fn a_large_screen_shows_everything() {
         );
     }
     assert_shows(&draw(&view, 120, 40), &["4:35", "robot-cell 4242", "heard 0.0"]);
+}
+
+#[test]
+fn a_change_is_shown_with_its_value_on_a_small_screen() {
+    let mut view = two_seconds(&[]);
+    let set = Knob::Set(vec!["link.torque.latency=12.5ms".to_owned()]).request(7, 1);
+    let header = Header { time_ns: 1_275_300_000_000, ..header(120) };
+    view.handle(&Message::Change(ChangeSample::answer(header, &set, Ok(()))));
+    let screen = draw(&view, 80, 24);
+    assert_shows(&screen, &["1275.3 link.torque.", "latency=12.5ms"]);
+}
+
+#[test]
+fn a_monitor_that_joins_late_does_not_claim_that_there_were_no_changes() {
+    let mut view = View::default();
+    let late = |revision| Header { revision, ..header(27_500) };
+    view.handle(&Message::State(StateSample { header: late(2), ..Default::default() }));
+    let screen = draw(&view, 80, 24);
+    assert_shows(&screen, &["275.0 monitor joined after", "2 changes"]);
+    assert!(!screen.contains("none in this run"), "{screen}");
+    assert_shows(&draw(&two_seconds(&[]), 80, 24), &["none in this run"]);
 }
 
 #[test]

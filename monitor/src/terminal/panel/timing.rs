@@ -18,7 +18,7 @@ use crate::{
 const EXTREMES: [f64; 2] = [1e2, 6e10];
 
 /// Round trip, residence and jitter of the last ten seconds, and a histogram of the round trips.
-pub fn render(picture: &Picture, area: Rect, buf: &mut Buffer) {
+pub(super) fn render(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let area = table(picture, area, buf, true);
     if area.height >= 3 {
         histogram(picture, area, buf);
@@ -26,7 +26,7 @@ pub fn render(picture: &Picture, area: Rect, buf: &mut Buffer) {
 }
 
 /// Round trip and residence, and the counts of commands.
-pub fn brief(picture: &Picture, area: Rect, buf: &mut Buffer) {
+pub(super) fn brief(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let area = table(picture, area, buf, area.height > 5);
     render_lines(session::counts(picture, area.width), area, buf);
 }

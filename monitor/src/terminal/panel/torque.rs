@@ -19,7 +19,7 @@ use crate::{
 
 /// One bar for each joint: the torque in effect, and the range of the torques that were commanded
 /// in the time span of the charts.
-pub fn torques(picture: &Picture, area: Rect, buf: &mut Buffer) {
+pub(super) fn torques(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let overview = &picture.view.overview;
     let limits = picture.view.scenario().map_or(&[][..], |scenario| &scenario.safety.torque_limit);
     let is_limited = limits.iter().any(|limit| limit.is_finite());
@@ -95,13 +95,13 @@ fn figure_of_scale(value: f64) -> String {
 const QUANTITIES: usize = 3;
 
 /// The tracking error, the law's echo and its signals on each task axis.
-pub fn task(picture: &Picture, area: Rect, buf: &mut Buffer) {
+pub(super) fn task(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let area = picture.rule("Task", Line::default(), area, buf);
     axes(picture, area, buf);
 }
 
 /// Like [`task`], without a title.
-pub fn axes(picture: &Picture, area: Rect, buf: &mut Buffer) {
+pub(super) fn axes(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let Some(scene) = &picture.view.scene else { return };
     let overview = &picture.view.overview;
     let quantities: Vec<_> = overview.law().map(quantities).into_iter().flatten().collect();
