@@ -7,7 +7,7 @@ use std::{
     time::Duration,
 };
 
-use mtj_monitor::web::{WebDashboard, SessionInfo, WebOptions};
+use mtj_monitor::web::{SessionInfo, WebDashboard, WebOptions};
 
 /// How long the server may take to end a connection that its client has ended.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -43,8 +43,8 @@ fn server() -> &'static Server {
 
 fn start() -> Result<Server, Box<dyn std::error::Error>> {
     let options = WebOptions { web: Some("127.0.0.1:0".to_owned()), ..WebOptions::default() };
-    let reception = options.listen()?.ok_or("no address")?;
-    let address = reception.address()?;
+    let listener = options.listen()?.ok_or("no address")?;
+    let address = listener.address()?;
     let session = SessionInfo { session: "fuzz".to_owned(), bus: "local".to_owned() };
-    Ok(Server { address, _dashboard: Mutex::new(reception.serve(&session, None)?) })
+    Ok(Server { address, _dashboard: Mutex::new(listener.serve(&session, None)?) })
 }

@@ -98,7 +98,9 @@ fn same_in_json(message: &Message) {
     let (mut json, mut again) = (Vec::new(), Vec::new());
     let read = write_json(&mut json, message)
         .map_err(|error| error.to_string())
-        .and_then(|()| read_json(Topic::of(message), &json));
+        .and_then(|()| {
+            read_json(Topic::of(message), &json).map_err(|error| error.to_string())
+        });
     match read.map(|read| write_json(&mut again, &read)) {
         Ok(Ok(())) => assert_eq!(json, again),
         other => panic!("{message:?} is not read back: {other:?}"),

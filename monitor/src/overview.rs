@@ -1,9 +1,12 @@
 //! What is known of a session: the same for all displays.
 
+mod phase;
+mod role;
+
 use std::{
     collections::{BTreeMap, VecDeque},
     sync::Arc,
-    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
+    time::{Duration, Instant},
 };
 
 use mtj_model::law::{Description, Signal};
@@ -15,6 +18,10 @@ use mtj_protocol::{
     },
 };
 
+pub use self::{
+    phase::{Alarm, Joined, Phase},
+    role::RoleStatus,
+};
 use crate::durations::RecentDurations;
 
 /// A plant or a controller without a sample for this long, or for three sample periods, is silent.
@@ -58,117 +65,6 @@ pub struct Overview {
     /// Whether this monitor was there before the run.
     saw_previous_run: bool,
     joined: Option<Joined>,
-}
-
-/// When a monitor joined a run that had begun.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Joined {
-    /// The run's time, ns.
-    pub time_ns: u64,
-    /// How many times the scenario had been changed before.
-    pub missed_changes: u32,
-}
-
-impl Joined {
-    /// What is not known, for the end of a list of changes.
-    pub fn words(&self) -> String {
-        match self.missed_changes {
-            0 => "monitor joined".to_owned(),
-            1 => "monitor joined after 1 change".to_owned(),
-            count => format!("monitor joined after {count} changes"),
-        }
-    }
-}
-
-/// What is known of the plant or of the leading controller.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct RoleStatus {
-    /// When its newest message came.
-    pub last_heard: Option<Instant>,
-    /// When its first message came since it was last silent.
-    since: Option<Instant>,
-    /// Its newest presence sample: process, machine and when it joined.
-    pub presence: Option<PresenceSample>,
-}
-
-/// A condition that every display points out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Alarm {
-    /// No message of a plant has come yet.
-    NoPlant,
-    /// No message of the plant has come for this long.
-    PlantSilent(Duration),
-    /// The plant waits for its first controller.
-    NoController,
-    /// No message of the controller has come for this long, though the plant sends states.
-    ControllerSilent(Duration),
-}
-
-impl Alarm {
-    /// The alarm as a sentence for the user.
-    pub fn sentence(&self) -> String {
-        match self {
-            Self::NoPlant => "waiting for a plant".to_owned(),
-            Self::PlantSilent(silence) => {
-                format!("the plant has been silent for {:.1} s", silence.as_secs_f64())
-            }
-            Self::NoController => "the plant is waiting for a controller".to_owned(),
-            Self::ControllerSilent(silence) => {
-                format!("the controller has been silent for {:.1} s", silence.as_secs_f64())
-            }
-        }
-    }
-}
-
-/// The phase of a run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Phase {
-    /// The plant waits for a controller.
-    Waiting,
-    /// The arm moves.
-    Running,
-    /// The run is over.
-    Finished,
-    /// An operator paused the run.
-    Paused,
-}
-
-impl Phase {
-    /// The phase in one word.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Waiting => "waiting",
-            Self::Running => "running",
-            Self::Finished => "finished",
-            Self::Paused => "paused",
-        }
-    }
-}
-
-impl RoleStatus {
-    /// Notes that a message came; a pause longer than `silence_limit` counts as an interruption.
-    fn note_message(&mut self, silence_limit: Duration) {
-        let now = Instant::now();
-        if self.last_heard.is_none_or(|heard| now.duration_since(heard) > silence_limit) {
-            self.since = Some(now);
-        }
-        self.last_heard = Some(now);
-    }
-
-    /// How long it has taken part: since it joined, by its own clock, or since its first message if
-    /// that is longer ago.
-    pub fn age(&self) -> Option<Duration> {
-        let observed = self.since?.elapsed();
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        let joined = self.presence.map(|presence| Duration::from_nanos(presence.since_ns));
-        let by_its_clock = joined.and_then(|joined| now.checked_sub(joined));
-        Some(by_its_clock.map_or(observed, |age| age.max(observed)))
-    }
-
-    /// The time since its newest message.
-    pub fn silence(&self) -> Option<Duration> {
-        self.last_heard.map(|heard| heard.elapsed())
-    }
 }
 
 impl Overview {
@@ -409,55 +305,4 @@ pub fn period_deviation_ns(before: &StateSample, state: &StateSample) -> Option<
 }
 
 #[cfg(test)]
-mod tests {
-    use mtj_protocol::sample::{VERSION, text};
-
-    use super::*;
-
-    fn header(run: u64, time_s: u64, revision: u32) -> Header {
-        let time_ns = time_s * 1_000_000_000;
-        let (version, joints, axes) = (VERSION, 2, 2);
-        Header { version, joints, axes, revision, run, sequence: 100 * time_s, time_ns }
-    }
-
-    fn state(run: u64, time_s: u64, revision: u32) -> Message {
-        let header = header(run, time_s, revision);
-        Message::State(StateSample { header, ..Default::default() })
-    }
-
-    #[test]
-    fn a_monitor_that_joins_late_knows_that_it_missed_changes() {
-        let mut late = Overview::default();
-        late.handle(&state(1, 275, 3));
-        late.handle(&state(1, 276, 4));
-        let joined = Joined { time_ns: 275_000_000_000, missed_changes: 3 };
-        assert_eq!(late.joined(), Some(joined));
-        assert_eq!(joined.words(), "monitor joined after 3 changes");
-        late.handle(&state(2, 1, 4));
-        assert_eq!(late.joined(), None, "it was there when the next run started");
-
-        let mut early = Overview::default();
-        early.handle(&state(1, 0, 0));
-        early.handle(&state(1, 1, 0));
-        assert_eq!(early.joined(), None);
-    }
-
-    #[test]
-    fn a_role_is_as_old_as_its_presence_says_and_not_as_what_was_heard_of_it() {
-        let mut overview = Overview::default();
-        overview.handle(&state(1, 275, 0));
-        assert!(overview.plant().age().unwrap() < Duration::from_secs(1), "all that is known yet");
-        let since = SystemTime::now() - Duration::from_secs(280);
-        let since_ns = since.duration_since(UNIX_EPOCH).unwrap().as_nanos() as u64;
-        let presence = |since_ns| {
-            let (header, host) = (header(1, 275, 0), text("robot"));
-            let sample = PresenceSample { header, since_ns, host, ..Default::default() };
-            Message::Presence(PresenceSample { role: Role::Plant as u64, ..sample })
-        };
-        overview.handle(&presence(since_ns));
-        assert_eq!(overview.plant().age().unwrap().as_secs(), 280);
-        overview.handle(&presence(u64::MAX));
-        let age = overview.plant().age().unwrap();
-        assert!(age < Duration::from_secs(1), "a clock that is ahead tells nothing: {age:?}");
-    }
-}
+mod tests;
