@@ -5,6 +5,7 @@ use std::{fmt, io};
 use mtj_controller::serve::ServeError;
 use mtj_figure::FigureError;
 use mtj_model::scenario::ScenarioError;
+use mtj_monitor::{error::MonitorError, recording::RecordingError};
 use mtj_plant::error::PlantError;
 use mtj_protocol::bus::BusError;
 use mtj_study::StudyError;
@@ -97,6 +98,19 @@ impl From<ServeError> for Failure {
     fn from(error: ServeError) -> Self {
         let is_bad_input = error.is_bad_input();
         Self::new(error, is_bad_input)
+    }
+}
+
+impl From<MonitorError> for Failure {
+    fn from(error: MonitorError) -> Self {
+        let is_bad_input = error.is_bad_input();
+        Self::new(error, is_bad_input)
+    }
+}
+
+impl From<RecordingError> for Failure {
+    fn from(error: RecordingError) -> Self {
+        MonitorError::from(error).into()
     }
 }
 

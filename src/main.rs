@@ -18,6 +18,8 @@ use std::{
 
 use clap::{CommandFactory, Parser, Subcommand};
 use mtj_controller::program::ControllerOptions;
+use mtj_monitor::terminal::log_layer;
+use mtj_options::log;
 
 use self::{
     command::{
@@ -96,7 +98,7 @@ fn main() -> ExitCode {
         arguments.push("up".into()); // What a newcomer wants to see.
     }
     let command = Program::parse_from(arguments).command;
-    mtj_options::log::to_standard_error(command.name());
+    log::init(log_layer(log::lines(command.name())));
     match run(command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
@@ -114,7 +116,7 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Run(run) => run.run(),
         Command::Plant(plant) => plant.run(),
         Command::Controller(controller) => Ok(controller.run()?),
-        Command::Monitor(monitor) => monitor.run(),
+        Command::Monitor(monitor) => Ok(monitor.run()?),
         Command::Bridge(bridge) => bridge.run(),
         Command::Export(export) => export.run(),
         Command::Replay(replay) => replay.run(),

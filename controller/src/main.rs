@@ -7,6 +7,7 @@ use std::{
 
 use clap::Parser;
 use mtj_controller::program::ControllerOptions;
+use mtj_options::log;
 
 #[derive(Parser)]
 #[command(name = "mtj-controller", version, about)]
@@ -17,7 +18,7 @@ struct Program {
 
 fn main() -> ExitCode {
     let options = Program::parse().options;
-    mtj_options::log::to_standard_error("mtj-controller");
+    log::init(log::lines("mtj-controller"));
     match options.run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

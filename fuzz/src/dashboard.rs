@@ -7,7 +7,7 @@ use std::{
     time::Duration,
 };
 
-use mtj_monitor::web::{Dashboards, Place, WebOptions};
+use mtj_monitor::web::{SessionInfo, WebDashboard, WebOptions};
 
 /// How long the server may take to end a connection that its client has ended.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -33,7 +33,7 @@ pub fn dashboard(data: &[u8]) {
 struct Server {
     address: SocketAddr,
     /// It serves as long as this lives.
-    _dashboards: Mutex<Dashboards>,
+    _dashboard: Mutex<WebDashboard>,
 }
 
 fn server() -> &'static Server {
@@ -43,8 +43,8 @@ fn server() -> &'static Server {
 
 fn start() -> Result<Server, Box<dyn std::error::Error>> {
     let options = WebOptions { web: Some("127.0.0.1:0".to_owned()), ..WebOptions::default() };
-    let reception = options.listen()?.ok_or("no address")?;
-    let address = reception.address()?;
-    let place = Place { session: "fuzz".to_owned(), bus: "local".to_owned() };
-    Ok(Server { address, _dashboards: Mutex::new(reception.serve(&place, None)?) })
+    let listener = options.listen()?.ok_or("no address")?;
+    let address = listener.address()?;
+    let session = SessionInfo { session: "fuzz".to_owned(), bus: "local".to_owned() };
+    Ok(Server { address, _dashboard: Mutex::new(listener.serve(&session, None)?) })
 }

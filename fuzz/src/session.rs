@@ -9,10 +9,10 @@ use std::{
 
 use mtj_model::scenario::Scenario;
 use mtj_monitor::{
-    monitor::Audience,
+    monitor::Sink,
     overview::Overview,
     recording::{Recording, TOPICS, Timeline, Topic, read_json, write_json},
-    web::Dashboards,
+    web::WebDashboard,
 };
 use mtj_protocol::{
     codec, admission,
@@ -26,7 +26,7 @@ use mtj_protocol::{
 pub fn session(data: &[u8]) {
     let mut overview = Overview::default();
     let mut timeline = Timeline::default();
-    let mut dashboards = Dashboards::unseen();
+    let mut dashboard = WebDashboard::detached();
     let mut rest = data;
     while let Some((topic, bytes)) = rest.split_first() {
         let (message, used) = match TOPICS[usize::from(*topic) % TOPICS.len()] {
@@ -44,9 +44,9 @@ pub fn session(data: &[u8]) {
         if !matches!(message, Message::Scenario(_)) {
             same_in_json(&message);
         }
-        overview.hear(&message);
-        timeline.place(&message, 1 << 60);
-        dashboards.hear(&message);
+        overview.handle(&message);
+        timeline.log_time(&message, 1 << 60);
+        dashboard.handle(&message);
         let _ = (overview.time(), overview.law(), overview.alarm(), overview.phase());
         match message {
             Message::Change(change) => drop(change.words()),
@@ -98,7 +98,9 @@ fn same_in_json(message: &Message) {
     let (mut json, mut again) = (Vec::new(), Vec::new());
     let read = write_json(&mut json, message)
         .map_err(|error| error.to_string())
-        .and_then(|()| read_json(Topic::of(message), &json));
+        .and_then(|()| {
+            read_json(Topic::of(message), &json).map_err(|error| error.to_string())
+        });
     match read.map(|read| write_json(&mut again, &read)) {
         Ok(Ok(())) => assert_eq!(json, again),
         other => panic!("{message:?} is not read back: {other:?}"),

@@ -1,4 +1,4 @@
-//! How durations were distributed lately.
+//! The distribution of durations over the last seconds.
 
 use std::{
     collections::VecDeque,
@@ -11,21 +11,21 @@ use hdrhistogram::Histogram;
 const PART: Duration = Duration::from_secs(1);
 /// How many parts are kept.
 const PARTS: usize = 10;
-/// The longest duration told apart, ns.
+/// The longest duration that is resolved, ns.
 const LONGEST_NS: u64 = 60_000_000_000;
 
 /// Durations of the last ten seconds, to about one percent.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct RecentDurations {
     parts: VecDeque<(Instant, Histogram<u64>)>,
 }
 
-/// Median, 99 % and longest, µs.
+/// Median, 99 % quantile and maximum, µs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Spread {
     /// Median.
     pub p50: f64,
-    /// 99 %.
+    /// 99 % quantile.
     pub p99: f64,
     /// The longest.
     pub max: f64,
@@ -60,7 +60,7 @@ impl RecentDurations {
         }
     }
 
-    /// Median, 99 % and longest; `None` if nothing was recorded lately.
+    /// Median, 99 % and longest; `None` without recent durations.
     pub fn spread(&self) -> Option<Spread> {
         let all = self.sum();
         let at = |quantile| all.value_at_quantile(quantile) as f64 / 1e3;
@@ -71,7 +71,7 @@ impl RecentDurations {
         })
     }
 
-    /// How many durations fell between each two neighbours of `edges_ns`, which ascend.
+    /// How many durations lie between neighbouring entries of `edges_ns`, which ascend.
     pub fn counts(&self, edges_ns: &[u64]) -> Vec<u64> {
         let all = self.sum();
         edges_ns
@@ -84,7 +84,7 @@ impl RecentDurations {
         let mut all = empty();
         let recent = |since: &Instant| since.elapsed() < PART * PARTS as u32;
         for (_, part) in self.parts.iter().filter(|(since, _)| recent(since)) {
-            // Same bounds, so adding cannot fail.
+            // All parts have the same bounds, so adding cannot fail.
             let _ = all.add(part);
         }
         all

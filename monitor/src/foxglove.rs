@@ -1,6 +1,7 @@
 //! Live to Foxglove: every message as JSON over a WebSocket, and the arm for the 3D panel.
 
 use std::{
+    fmt,
     sync::Arc,
     time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
@@ -15,20 +16,43 @@ use foxglove::{
 };
 use mtj_model::scene::{Point, Scene};
 use mtj_protocol::{
-    bus::BusError,
     port::{Message, Offered},
     sample::StateSample,
 };
 
+use tracing::info;
+
 use crate::{
-    monitor::Audience,
+    error::MonitorError,
+    monitor::Sink,
     recording::{TOPICS, Timeline, Topic, schema, write_json},
 };
 
-/// Where Foxglove looks unless it is told otherwise.
+/// The address at which Foxglove looks by default.
 const DEFAULT: &str = "127.0.0.1:8765";
 /// How often the arm is drawn.
 const PERIOD: Duration = Duration::from_millis(50);
+
+/// Why Foxglove cannot connect.
+#[derive(Debug, thiserror::Error)]
+#[error("--foxglove {address}: {reason}; expected an address to listen on, like {DEFAULT}")]
+pub struct FoxgloveError {
+    address: String,
+    #[source]
+    reason: Reason,
+}
+
+#[derive(Debug, thiserror::Error)]
+enum Reason {
+    #[error("there is no port")]
+    NoPort,
+    #[error("'{0}' is no port")]
+    Port(String),
+    #[error("cannot listen there ({0})")]
+    Listen(foxglove::FoxgloveError),
+    #[error(transparent)]
+    Channel(#[from] foxglove::FoxgloveError),
+}
 
 /// The options of the connection to Foxglove.
 #[derive(Args, Clone, Debug, Default)]
@@ -39,8 +63,8 @@ pub struct FoxgloveOptions {
 }
 
 impl FoxgloveOptions {
-    /// Serves, if that was asked for.
-    pub fn serve(&self, session: &str) -> Result<Option<Foxglove>, BusError> {
+    /// Serves Foxglove, if the user asked for it.
+    pub fn serve(&self, session: &str) -> Result<Option<Foxglove>, FoxgloveError> {
         self.foxglove.as_ref().map(|address| Foxglove::serve(address, session)).transpose()
     }
 
@@ -51,11 +75,11 @@ impl FoxgloveOptions {
     }
 }
 
-/// Publishes what it hears, to those who have subscribed to it.
+/// Publishes all messages to the clients that have subscribed.
 ///
-/// A client that does not keep up loses the oldest messages; nobody waits for it.
+/// A client that does not keep up loses the oldest messages; the monitor does not wait.
 pub struct Foxglove {
-    /// What channels and server have in common; they do not keep it alive themselves.
+    /// The context of channels and server; they do not keep it alive themselves.
     _context: Arc<Context>,
     server: Option<WebSocketServerHandle>,
     channels: [Arc<RawChannel>; TOPICS.len()],
@@ -63,44 +87,47 @@ pub struct Foxglove {
     timeline: Timeline,
     scenario: Option<Arc<Offered>>,
     scene: Option<Scene>,
-    is_followed: bool,
+    has_subscribers: bool,
     state: Option<StateSample>,
     drawn: Instant,
     json: Vec<u8>,
 }
 
+impl fmt::Debug for Foxglove {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Foxglove").finish_non_exhaustive()
+    }
+}
+
 impl Foxglove {
     /// Serves at an address, `HOST:PORT`.
-    pub fn serve(address: &str, session: &str) -> Result<Self, BusError> {
-        let refuse =
-            |why: String| {
-                BusError::Settings(format!(
-                "--foxglove {address}: {why}; expected an address to listen on, like {DEFAULT}"
-            ).into())
-            };
-        let (host, port) =
-            address.rsplit_once(':').ok_or_else(|| refuse("there is no port".to_owned()))?;
-        let port = port.parse().map_err(|_| refuse(format!("'{port}' is no port")))?;
+    pub fn serve(address: &str, session: &str) -> Result<Self, FoxgloveError> {
+        Self::start(address, session)
+            .map_err(|reason| FoxgloveError { address: address.to_owned(), reason })
+    }
+
+    fn start(address: &str, session: &str) -> Result<Self, Reason> {
+        let (host, port) = address.rsplit_once(':').ok_or(Reason::NoPort)?;
+        let port = port.parse().map_err(|_| Reason::Port(port.to_owned()))?;
         let context = Context::new();
-        let mut channels = Vec::new();
-        for topic in TOPICS {
+        let channel = |topic: Topic| {
             let text = schema(topic).to_string().into_bytes();
-            let channel = context
+            context
                 .channel_builder(topic.channel())
                 .message_encoding("json")
                 .schema(Schema::new(format!("mtj.{}", topic.name()), "jsonschema", text))
-                .build_raw();
-            channels.push(channel.map_err(|error| refuse(error.to_string()))?);
-        }
-        let channels =
-            channels.try_into().map_err(|_| refuse("channels are missing".to_owned()))?;
+                .build_raw()
+        };
+        let [scenario, state, torque, error, status, request, change, presence] =
+            TOPICS.map(channel);
+        let channels = [scenario?, state?, torque?, error?, status?, request?, change?, presence?];
         let server = WebSocketServer::new()
             .name(format!("mtj, session {session}"))
             .context(&context)
             .bind(host, port)
             .start_blocking()
-            .map_err(|error| refuse(format!("cannot listen there ({error})")))?;
-        eprintln!("mtj monitor: Foxglove can connect to ws://{host}:{}", server.port());
+            .map_err(Reason::Listen)?;
+        info!("Foxglove can connect to ws://{host}:{}", server.port());
         Ok(Self {
             server: Some(server),
             channels,
@@ -109,20 +136,20 @@ impl Foxglove {
             timeline: Timeline::default(),
             scenario: None,
             scene: None,
-            is_followed: false,
+            has_subscribers: false,
             state: None,
             drawn: Instant::now(),
             json: Vec::new(),
         })
     }
 
-    /// Where it listens.
+    /// The port at which it listens.
     pub fn port(&self) -> Option<u16> {
         self.server.as_ref().map(WebSocketServerHandle::port)
     }
 
     fn publish(&mut self, message: &Message) {
-        let time = self.timeline.place(message, now_ns());
+        let time = self.timeline.log_time(message, now_ns());
         let channel = &self.channels[Topic::of(message) as usize];
         if !channel.has_sinks() {
             return;
@@ -134,16 +161,16 @@ impl Foxglove {
         }
     }
 
-    /// Tells the scenario again to those who come when it has been told.
-    fn welcome(&mut self) {
-        let is_followed = self.channels[Topic::Scenario as usize].has_sinks();
-        if is_followed
-            && !self.is_followed
+    /// Publishes the scenario again for a client that subscribes after it came.
+    fn repeat_scenario(&mut self) {
+        let has_subscribers = self.channels[Topic::Scenario as usize].has_sinks();
+        if has_subscribers
+            && !self.has_subscribers
             && let Some(offered) = self.scenario.clone()
         {
             self.publish(&Message::Scenario(offered));
         }
-        self.is_followed = is_followed;
+        self.has_subscribers = has_subscribers;
     }
 
     fn draw(&mut self) {
@@ -167,8 +194,8 @@ impl Foxglove {
     }
 }
 
-impl Audience for Foxglove {
-    fn hear(&mut self, message: &Message) {
+impl Sink for Foxglove {
+    fn handle(&mut self, message: &Message) {
         self.publish(message);
         match message {
             Message::Scenario(offered) => {
@@ -180,8 +207,8 @@ impl Audience for Foxglove {
         }
     }
 
-    fn refresh(&mut self) -> Result<bool, BusError> {
-        self.welcome();
+    fn refresh(&mut self) -> Result<bool, MonitorError> {
+        self.repeat_scenario();
         if self.drawn.elapsed() >= PERIOD && self.arm.has_sinks() {
             self.drawn = Instant::now();
             self.draw();

@@ -1,19 +1,23 @@
-//! Watches a session: subscribes to everything that is said in it, and shows or records it.
+//! The monitor: displays and records every message of a session.
+//!
+//! A [`Source`](monitor::Source), a bus or a recording, supplies messages. [`monitor::run`] passes
+//! each message to all [`Sink`](monitor::Sink)s.
 //!
 //! ```text
-//! monitor   the loop: a source (bus or recording) and its audience
-//! overview  what is known of a session by now
-//! lines     an audience: a line of text a second
-//! fleet     many sessions at once: a table with a line for each
-//! terminal  an audience: a dashboard in the terminal
-//! desk      an audience: takes knob turns from dashboards to the plant
-//! recording an audience: every message in a file; and such a file as a source
-//! web       an audience: the dashboard in a browser
-//! foxglove  an audience: live to Foxglove (a feature that is off by default)
+//! monitor   the loop, sources and sinks
+//! overview  what is known of a session; all displays show the same
+//! lines     a sink: one line of text a second
+//! terminal  a sink: the dashboard in the terminal
+//! web       a sink: the dashboard in a browser
+//! recording a sink: every message in a file; and such a file as a source
+//! foxglove  a sink: live data for Foxglove (a feature that is off by default)
+//! requests  a sink: sends requests of dashboards to the plant and returns the answers
+//! fleet     many sessions at once: a table with one line for each
+//! error     why a monitor could not start or go on
 //! ```
 
-pub mod desk;
 pub mod durations;
+pub mod error;
 pub mod fleet;
 #[cfg(feature = "foxglove")]
 pub mod foxglove;
@@ -21,5 +25,6 @@ pub mod lines;
 pub mod monitor;
 pub mod overview;
 pub mod recording;
+pub mod requests;
 pub mod terminal;
 pub mod web;

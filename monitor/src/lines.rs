@@ -1,4 +1,4 @@
-//! The plain view: one line a second.
+//! One line of text a second.
 
 use std::{
     io::Write,
@@ -6,54 +6,56 @@ use std::{
 };
 
 use mtj_model::law::Signal;
-use mtj_protocol::{bus::BusError, port::Message, sample::ErrorSample};
+use mtj_protocol::{port::Message, sample::ErrorSample};
 
 use crate::{
-    monitor::Audience,
-    overview::{Overview, Phase, gauge},
+    error::MonitorError,
+    monitor::Sink,
+    overview::{Overview, Phase, primary_signal},
 };
 
-/// Prints what happens in a session.
+/// Prints the state of a session once a second, and each change when it comes.
+#[derive(Debug)]
 pub struct Lines<W> {
     out: W,
     overview: Overview,
-    second: Second,
+    second: SecondSummary,
     next: Instant,
 }
 
-/// Sums over the errors of the current second.
-#[derive(Default)]
-pub(crate) struct Second {
+/// Sums over the error samples of the current second.
+#[derive(Debug, Default)]
+pub(crate) struct SecondSummary {
     squared_error: f64,
     errors: u64,
-    /// The sum of the gauge's means over its numbers, and how many there were.
-    gauge: Option<(&'static Signal, f64, u64)>,
+    /// The law's primary signal, the sum of its means over the axes, and how many there are.
+    signal: Option<(&'static Signal, f64, u64)>,
 }
 
-impl Second {
-    /// Counts one in.
-    pub fn add(&mut self, error: &ErrorSample) {
+impl SecondSummary {
+    /// Adds one error sample.
+    pub(crate) fn add(&mut self, error: &ErrorSample) {
         let axes = error.header.axes as usize;
         self.squared_error += error.error[..axes].iter().map(|e| e * e).sum::<f64>();
         self.errors += 1;
-        let Some(signal) = error.description().and_then(gauge) else { return };
+        let Some(signal) = error.description().and_then(primary_signal) else { return };
         let Some(numbers) = error.signal(signal.key) else { return };
         let mean = numbers.iter().sum::<f64>() / numbers.len() as f64;
-        let (sum, count) = match self.gauge {
+        let (sum, count) = match self.signal {
             Some((known, sum, count)) if known == signal => (sum, count),
             _ => (0.0, 0),
         };
-        self.gauge = Some((signal, sum + mean, count + 1));
+        self.signal = Some((signal, sum + mean, count + 1));
     }
 
     /// Root mean square of the tracking error, m; `None` if there was no error sample.
-    pub fn rms_error(&self) -> Option<f64> {
+    pub(crate) fn rms_error(&self) -> Option<f64> {
         (self.errors > 0).then(|| (self.squared_error / self.errors as f64).sqrt())
     }
 
-    /// The symbol of the law's gauge and its mean; `None` if the law has none.
-    pub fn gauge(&self) -> Option<(&'static str, f64)> {
-        let (signal, sum, count) = self.gauge?;
+    /// The symbol of the law's primary signal and its mean; `None` if the law has none.
+    pub(crate) fn signal(&self) -> Option<(&'static str, f64)> {
+        let (signal, sum, count) = self.signal?;
         Some((signal.symbol, sum / count as f64))
     }
 }
@@ -64,7 +66,7 @@ impl<W: Write> Lines<W> {
         Self {
             out,
             overview: Overview::default(),
-            second: Second::default(),
+            second: SecondSummary::default(),
             next: Instant::now() + Duration::from_secs(1),
         }
     }
@@ -75,9 +77,10 @@ impl<W: Write> Lines<W> {
         let law = law.map_or("-", |law| law.name);
         let mut line = format!("t {:7.1} s  {law:<3}", self.overview.time());
         if let Some(error) = self.second.rms_error() {
-            let gauge = self.second.gauge();
-            let gauge = gauge.map_or(String::new(), |(symbol, mean)| format!("{symbol} {mean:.3}"));
-            line += &format!("  |e| {error:.2e} m  {gauge:<7}");
+            let signal = self.second.signal();
+            let signal =
+                signal.map_or(String::new(), |(symbol, mean)| format!("{symbol} {mean:.3}"));
+            line += &format!("  |e| {error:.2e} m  {signal:<7}");
         } else if self.overview.phase() == Some(Phase::Paused) {
             line += "  paused             ";
         } else {
@@ -103,19 +106,19 @@ impl<W: Write> Lines<W> {
         line
     }
 
-    /// Whether somebody still reads.
+    /// Prints a line; false if the reader of the output has gone.
     fn print(&mut self, line: &str) -> bool {
         writeln!(self.out, "{line}").and_then(|()| self.out.flush()).is_ok()
     }
 }
 
-impl<W: Write> Audience for Lines<W> {
-    fn hear(&mut self, message: &Message) {
-        let is_news = !matches!(message, Message::Change(change) if self.overview.knows(change));
-        self.overview.hear(message);
+impl<W: Write> Sink for Lines<W> {
+    fn handle(&mut self, message: &Message) {
+        let is_new = !matches!(message, Message::Change(change) if self.overview.is_known(change));
+        self.overview.handle(message);
         match message {
             Message::Error(error) => self.second.add(error),
-            Message::Change(change) if is_news => {
+            Message::Change(change) if is_new => {
                 let time = change.header.time_ns as f64 * 1e-9;
                 let line = match change.outcome() {
                     Ok(()) => format!("t {time:7.1} s  changed: {}", change.words()),
@@ -127,7 +130,7 @@ impl<W: Write> Audience for Lines<W> {
         }
     }
 
-    fn refresh(&mut self) -> Result<bool, BusError> {
+    fn refresh(&mut self) -> Result<bool, MonitorError> {
         if Instant::now() < self.next {
             return Ok(true);
         }
@@ -136,7 +139,7 @@ impl<W: Write> Audience for Lines<W> {
             Some(alarm) => alarm.sentence(),
             None => self.line(),
         };
-        self.second = Second::default();
+        self.second = SecondSummary::default();
         Ok(self.print(&line))
     }
 }

@@ -1,68 +1,77 @@
-//! The loop of a monitor: hears everything that is said, and tells it to an audience.
+//! The loop of a monitor: passes each message of a source to all sinks.
 
-use std::{thread, time::Duration};
+use std::{fmt, thread, time::Duration};
 
 use mtj_protocol::{
-    bus::{Bus, BusError},
+    bus::Bus,
     port::{Message, MonitorPort},
 };
 
-/// How often streams are emptied; far more often than they fill.
+use crate::error::MonitorError;
+
+/// How often the source is emptied; far more often than its streams fill.
 const PERIOD: Duration = Duration::from_millis(5);
 
 /// Where messages come from: a bus, or a recording.
 pub trait Source {
-    /// Hands over all that was said since the last call.
-    fn drain(&mut self, hear: &mut dyn FnMut(Message)) -> Result<(), BusError>;
+    /// Passes all messages since the last call to `handle`.
+    fn drain(&mut self, handle: &mut dyn FnMut(Message)) -> Result<(), MonitorError>;
 }
 
-/// Who wants to know: a dashboard, a recorder, a line of text.
+/// Where messages go: a dashboard, a recorder, lines of text.
 ///
-/// What takes long, like a disk or a network, belongs on a thread of its own: while one listener is
-/// busy nobody hears anything.
-pub trait Audience {
-    /// Takes in one message.
-    fn hear(&mut self, message: &Message);
-    /// Called after each round of messages, some two hundred times a second; false if there is
-    /// nobody any more to monitor for.
-    fn refresh(&mut self) -> Result<bool, BusError> {
+/// All sinks share one thread. Slow work, like writing to a disk or a network, belongs on a thread
+/// of its own.
+pub trait Sink {
+    /// Takes one message.
+    fn handle(&mut self, message: &Message);
+    /// Called after each round of messages, about 200 times a second; returns false when the
+    /// monitor should end, as when the user quits a dashboard.
+    fn refresh(&mut self) -> Result<bool, MonitorError> {
         Ok(true)
     }
 }
 
 /// The messages of a bus.
-pub struct Live<'a, B> {
+pub struct BusSource<'a, B> {
     bus: &'a B,
     port: MonitorPort,
 }
 
-impl<'a, B: Bus> Live<'a, B> {
-    /// Joins a bus to listen.
-    pub fn open(bus: &'a B) -> Result<Self, BusError> {
+impl<B> fmt::Debug for BusSource<'_, B> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("BusSource").finish_non_exhaustive()
+    }
+}
+
+impl<'a, B: Bus> BusSource<'a, B> {
+    /// Joins a bus as a monitor.
+    pub fn open(bus: &'a B) -> Result<Self, MonitorError> {
         Ok(Self { bus, port: MonitorPort::open(bus)? })
     }
 }
 
-impl<B: Bus> Source for Live<'_, B> {
-    fn drain(&mut self, hear: &mut dyn FnMut(Message)) -> Result<(), BusError> {
-        self.port.drain(self.bus, hear)
+impl<B: Bus> Source for BusSource<'_, B> {
+    fn drain(&mut self, handle: &mut dyn FnMut(Message)) -> Result<(), MonitorError> {
+        Ok(self.port.drain(self.bus, handle)?)
     }
 }
 
-/// Tells an audience what a source says, as long as `proceed` says so.
-pub fn attend(
+/// Passes messages from a source to all sinks until `proceed` returns false or a sink ends the
+/// monitor.
+pub fn run(
     source: &mut dyn Source,
-    audience: &mut [Box<dyn Audience + '_>],
+    sinks: &mut [Box<dyn Sink + '_>],
     proceed: &dyn Fn() -> bool,
-) -> Result<(), BusError> {
+) -> Result<(), MonitorError> {
     while proceed() {
         source.drain(&mut |message| {
-            for listener in audience.iter_mut() {
-                listener.hear(&message);
+            for sink in sinks.iter_mut() {
+                sink.handle(&message);
             }
         })?;
-        for listener in audience.iter_mut() {
-            if !listener.refresh()? {
+        for sink in sinks.iter_mut() {
+            if !sink.refresh()? {
                 return Ok(());
             }
         }

@@ -10,7 +10,7 @@ use std::{
 };
 
 use mtj_model::scenario::Scenario;
-use mtj_monitor::{foxglove::Foxglove, monitor::Audience};
+use mtj_monitor::{foxglove::Foxglove, monitor::Sink};
 use mtj_protocol::{
     port::{Message, Offered},
     sample::{Header, StateSample, VERSION, padded},
@@ -75,7 +75,7 @@ fn message(frame: &Frame) -> Option<(u32, &[u8])> {
 fn foxglove_sees_every_topic_and_its_messages() {
     let mut server = Foxglove::serve("127.0.0.1:0", "test").unwrap();
     let scenario = Scenario::load("sampled/mtj", &[]).unwrap();
-    server.hear(&Message::Scenario(Arc::new(Offered { run: 7, revision: 0, scenario })));
+    server.handle(&Message::Scenario(Arc::new(Offered { run: 7, revision: 0, scenario })));
     let mut client = connect(server.port().unwrap());
 
     let mut channels = BTreeMap::new();
@@ -114,7 +114,7 @@ fn foxglove_sees_every_topic_and_its_messages() {
     });
     let header = Header { version: VERSION, joints: 2, axes: 2, run: 7, ..Header::default() };
     let position = padded(&[0.25, -1.5]);
-    server.hear(&Message::State(StateSample { header, position, ..StateSample::default() }));
+    server.handle(&Message::State(StateSample { header, position, ..StateSample::default() }));
     let (mut state, mut arm) = (None, None);
     until(&mut client, &mut server, |frame| {
         let (id, payload) = message(frame)?;

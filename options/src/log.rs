@@ -7,7 +7,7 @@ use tracing::{
     field::{Field, Visit},
 };
 use tracing_subscriber::{
-    Layer,
+    Layer, Registry,
     filter::Targets,
     fmt::{FmtContext, FormatEvent, FormatFields, format::Writer},
     layer::SubscriberExt,
@@ -18,18 +18,22 @@ use tracing_subscriber::{
 /// The variable that asks for more, or less: `MTJ_LOG=debug`, or `MTJ_LOG=info,zenoh=warn`.
 const VARIABLE: &str = "MTJ_LOG";
 
-/// From now on what the libraries have to say is written to standard error, after the program's name.
-pub fn to_standard_error(program: &'static str) {
-    let lines = tracing_subscriber::fmt::layer()
-        .event_format(Sentence { program })
-        .with_writer(io::stderr)
-        .with_filter(filter());
+/// Writes each event as a line on standard error, after the program's name.
+pub fn lines<S>(program: &'static str) -> impl Layer<S>
+where
+    S: Subscriber + for<'a> LookupSpan<'a>,
+{
+    tracing_subscriber::fmt::layer().event_format(Sentence { program }).with_writer(io::stderr)
+}
+
+/// Sends the events of this process to a layer, from now on.
+pub fn init(layer: impl Layer<Registry> + Send + Sync) {
     // A program that has a subscriber already keeps it.
-    let _ = tracing_subscriber::registry().with(lines).try_init();
+    let _ = tracing_subscriber::registry().with(layer.with_filter(filter())).try_init();
 }
 
 /// What is worth a line: of `mtj`, all but details; of other libraries nothing unless asked for.
-pub fn filter() -> Targets {
+fn filter() -> Targets {
     let asked = env::var(VARIABLE).ok().and_then(|text| text.parse().ok());
     asked.unwrap_or_else(|| Targets::new().with_target("mtj", Level::INFO))
 }

@@ -7,7 +7,7 @@ use std::{
 };
 
 use clap::Args;
-use mtj_monitor::recording::{self, Recorded, Recording, TOPICS, Topic};
+use mtj_monitor::recording::{self, RecordedMessage, Recording, TOPICS, Topic};
 use mtj_protocol::{port::Message, sample::Field};
 
 use crate::failure::Failure;
@@ -79,7 +79,7 @@ impl Export {
     }
 
     fn open(&self) -> Result<Recording, Failure> {
-        Recording::open(&self.recording).map_err(Failure::bad_input)
+        Ok(Recording::open(&self.recording)?)
     }
 
     fn path(&self, topic: Topic) -> PathBuf {
@@ -163,7 +163,7 @@ fn names(layout: &Layout) -> Vec<String> {
 }
 
 impl Table {
-    fn add(&mut self, recorded: &Recorded) -> io::Result<()> {
+    fn add(&mut self, recorded: &RecordedMessage) -> io::Result<()> {
         let mut cells: Vec<_> = self.layout.iter().map(|column| column.cells(&[])).collect();
         cells[0] = vec![recorded.log_time.to_string()];
         show_all(&recorded.message, &mut |name, field| {

@@ -4,15 +4,18 @@ use std::io::{self, Write};
 
 use clap::Args;
 use mtj_monitor::{
+    error::MonitorError,
     fleet::{self, Pattern},
     lines::Lines,
-    monitor::{self, Audience, Live},
-    web::Place,
+    monitor::{self, BusSource, Sink},
+    web::SessionInfo,
 };
 use mtj_options::{JoinOptions, RealtimeOptions};
-use mtj_protocol::{member::Role, realtime::Realtime, shutdown::Shutdown, transport::AnyBus};
+use mtj_protocol::{
+    bus::BusError, member::Role, realtime::Realtime, shutdown::Shutdown, transport::AnyBus,
+};
 
-use crate::{failure::Failure, options::audience::AudienceOptions};
+use crate::options::audience::AudienceOptions;
 
 /// What a monitor that was started by another process says, on standard error, when it listens.
 pub const LISTENING: &str = "mtj monitor: listening";
@@ -32,11 +35,11 @@ pub struct Monitor {
 }
 
 impl Monitor {
-    /// Watches until asked to stop: one session, or all that a pattern means.
-    pub fn run(&self) -> Result<(), Failure> {
+    /// Monitors one session, or all that match a pattern, until asked to stop.
+    pub fn run(&self) -> Result<(), MonitorError> {
         match &self.bus.session.session {
-            Some(name) if Pattern::is_one(name) => self.watch_fleet(&name.parse()?),
-            _ => self.watch_one(),
+            Some(name) if Pattern::is_pattern(name) => self.run_fleet(&name.parse()?),
+            _ => self.run_session(),
         }
     }
 
@@ -45,7 +48,7 @@ impl Monitor {
         if self.until_stdin_closes { shutdown.when_stdin_closes() } else { shutdown }
     }
 
-    fn join(&self, bus: &JoinOptions, shutdown: Shutdown) -> Result<Option<AnyBus>, Failure> {
+    fn join(&self, bus: &JoinOptions, shutdown: Shutdown) -> Result<Option<AnyBus>, BusError> {
         let realtime = Realtime::from(&self.realtime);
         realtime.before_joining();
         let bus = bus.join(Role::Monitor, shutdown)?;
@@ -53,51 +56,49 @@ impl Monitor {
         Ok(bus)
     }
 
-    fn watch_fleet(&self, pattern: &Pattern) -> Result<(), Failure> {
+    fn run_fleet(&self, pattern: &Pattern) -> Result<(), MonitorError> {
         if let Some(flag) = self.audience.arguments().first() {
-            return Err(Failure::bad_input(format!(
-                "--session '{}' means many sessions, and {flag} is for one; name one, or leave out {flag} \
-                 for a table of all",
-                pattern.as_str()
-            )));
+            let pattern = pattern.as_str().to_owned();
+            return Err(MonitorError::OneSessionOnly { pattern, flag: flag.clone() });
         }
         let mut bus = self.bus.clone();
         bus.session.session = None;
         let shutdown = self.shutdown();
         let Some(bus) = self.join(&bus, shutdown)? else { return Ok(()) };
-        Ok(fleet::watch(&bus, pattern, io::stdout(), &|| shutdown.proceed())?)
+        fleet::run(&bus, pattern, io::stdout(), &|| shutdown.proceed())
     }
 
-    fn watch_one(&self) -> Result<(), Failure> {
+    fn run_session(&self) -> Result<(), MonitorError> {
         let AudienceOptions { web, terminal, recording, .. } = &self.audience;
-        // What cannot be is said before anything is begun.
+        // Bad input is reported before anything is started.
         terminal.check()?;
         let settings = self.bus.settings()?;
-        let recording = recording.begin(&settings)?;
-        let reception = web.listen()?;
+        let recording = recording.create(&settings)?;
+        let listener = web.listen()?;
         #[cfg(feature = "foxglove")]
         let foxglove = self.audience.foxglove.serve(&settings.session)?;
         let shutdown = self.shutdown();
         let Some(bus) = self.join(&self.bus, shutdown)? else { return Ok(()) };
-        let mut source = Live::open(&bus)?;
-        let mut audience: Vec<Box<dyn Audience>> = Vec::new();
-        if let Some(reception) = reception {
-            reception.join(&bus, &Place::from(&settings), &mut audience)?;
+        let mut source = BusSource::open(&bus)?;
+        let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
+        if let Some(listener) = listener {
+            listener.serve_bus(&bus, &SessionInfo::from(&settings), &mut sinks)?;
         }
         #[cfg(feature = "foxglove")]
         if let Some(foxglove) = foxglove {
-            audience.push(Box::new(foxglove));
+            sinks.push(Box::new(foxglove));
         }
         if let Some(recording) = recording {
-            audience.push(Box::new(recording.start()?));
+            sinks.push(Box::new(recording.start()?));
         }
         if self.until_stdin_closes {
-            writeln!(io::stderr(), "{LISTENING}")?;
+            // The process that started this one waits for exactly this line.
+            let _ = writeln!(io::stderr(), "{LISTENING}");
         }
         match terminal.open(&settings)? {
-            Some(dashboard) => audience.push(Box::new(dashboard)),
-            None => audience.push(Box::new(Lines::new(io::stdout()))),
+            Some(dashboard) => sinks.push(Box::new(dashboard)),
+            None => sinks.push(Box::new(Lines::new(io::stdout()))),
         }
-        Ok(monitor::attend(&mut source, &mut audience, &|| shutdown.proceed())?)
+        monitor::run(&mut source, &mut sinks, &|| shutdown.proceed())
     }
 }

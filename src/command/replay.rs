@@ -8,9 +8,10 @@ use std::{
 use clap::Args;
 use mtj_model::scenario::Override;
 use mtj_monitor::{
-    monitor::{self, Audience},
+    error::MonitorError,
+    monitor::{self, Sink},
     recording::{Player, Recording},
-    web::{Place, WebOptions},
+    web::{SessionInfo, WebOptions},
 };
 use mtj_protocol::shutdown::Shutdown;
 
@@ -56,7 +57,7 @@ impl Replay {
     /// Prints what differs, or plays until asked to stop.
     pub fn run(self) -> Result<(), Failure> {
         let set = self.set.iter().map(|text| text.parse()).collect::<Result<Vec<Override>, _>>()?;
-        let mut recording = Recording::open(&self.recording).map_err(Failure::bad_input)?;
+        let mut recording = Recording::open(&self.recording)?;
         if self.serve.is_some() {
             return self.play(recording);
         }
@@ -75,13 +76,16 @@ impl Replay {
     fn play(self, recording: Recording) -> Result<(), Failure> {
         let shutdown = Shutdown::on_signals();
         let web = WebOptions { web: self.serve, open: self.open, read_only: true };
-        let place =
-            Place { session: self.recording.display().to_string(), bus: "recording".to_owned() };
-        let mut audience: Vec<Box<dyn Audience>> = Vec::new();
-        if let Some(reception) = web.listen()? {
-            audience.push(Box::new(reception.serve(&place, None)?));
+        let session = SessionInfo {
+            session: self.recording.display().to_string(),
+            bus: "recording".to_owned(),
+        };
+        let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
+        if let Some(listener) = web.listen().map_err(MonitorError::from)? {
+            let dashboard = listener.serve(&session, None).map_err(MonitorError::from)?;
+            sinks.push(Box::new(dashboard));
         }
         let mut player = Player::new(recording, self.speed);
-        Ok(monitor::attend(&mut player, &mut audience, &|| shutdown.proceed())?)
+        Ok(monitor::run(&mut player, &mut sinks, &|| shutdown.proceed())?)
     }
 }

@@ -23,7 +23,7 @@ pub fn replay(recording: &mut Recording, set: &[Override]) -> Result<Findings, S
     let mut pairs = Pairs::default();
     let mut controller = ReplayController::new(set);
     for recorded in &mut *recording {
-        let message = recorded?.message;
+        let message = recorded.map_err(|error| error.to_string())?.message;
         match &message {
             Message::Scenario(offered) => controller.learn(offered)?,
             Message::State(state) => {

@@ -278,6 +278,58 @@ fn who_falls_silent_is_announced_until_he_is_back() {
 }
 
 #[test]
+fn keys_move_the_plots_before_anything_was_clicked() {
+    const END: &str = "\u{e010}";
+    const HOME: &str = "\u{e011}";
+    let session = Session::on("iceoryx2");
+    let monitor = session.start("monitor --web 127.0.0.1:0");
+    let _plant = session.start(PLANT);
+    let _controller = session.start("controller");
+    let browser = watch(&monitor);
+    browser.look(1440, 900, Scheme::Light);
+    browser.press(" ");
+    browser.until("!mtj.view.following");
+    browser.press(END);
+    browser.until("mtj.view.following");
+
+    // The focus is on a button now: the space key presses it, other keys still move the plots.
+    browser.click("[data-range='60']");
+    browser.run("mtj.view.show(20)");
+    browser.press(" ");
+    browser.until("mtj.view.range === 60 && mtj.view.following");
+    browser.press(HOME);
+    browser.until("!mtj.view.following");
+    browser.press(END);
+    browser.until("mtj.view.following");
+
+    // A field needs its keys itself.
+    browser.click("#torque-latency");
+    browser.press(HOME);
+    browser.press(" ");
+    assert_eq!(browser.run("return mtj.view.following"), true);
+    assert_eq!(browser.complaints(), Vec::<String>::new());
+}
+
+#[test]
+fn a_monitor_that_joins_late_does_not_claim_what_it_cannot_know() {
+    let session = Session::on("iceoryx2");
+    let plant = session.start(PLANT);
+    let _controller = session.start("controller");
+    let mut set = session.start("set law.kp=30");
+    assert!(set.wait().success(), "{}", set.stderr());
+    std::thread::sleep(std::time::Duration::from_secs(6));
+    let monitor = session.start("monitor --web 127.0.0.1:0");
+    let browser = watch(&monitor);
+    let changes = "document.querySelector('#changes').innerText";
+    browser.until(&format!("{changes}.includes('monitor joined after 1 change')"));
+    // The plant is as old as it is, not as the monitor is.
+    browser.until(
+        "/for ([0-9.]+)/.exec(document.querySelector('#roles [data-role=plant]').innerText)?.[1] > 5",
+    );
+    drop(plant);
+}
+
+#[test]
 fn without_the_token_no_knob_can_be_turned() {
     needs!(Browser);
     let session = Session::on("iceoryx2");

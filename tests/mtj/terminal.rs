@@ -329,7 +329,7 @@ fn complaints_do_not_disturb_the_screen_and_are_said_when_it_is_left() {
     terminal.press("q");
     assert_eq!(monitor.wait().code(), Some(0));
     terminal.assert_is_as_it_was();
-    terminal.shows(&["mtj: ignoring a torque sample: it has protocol version 99"]);
+    terminal.shows(&["mtj monitor: ignoring a torque sample: it has protocol version 99"]);
 }
 
 #[test]

@@ -1,13 +1,13 @@
 //! Many sessions at once: `mtj monitor --session '*'`.
 //!
 //! ```text
-//! pattern  which sessions
-//! cell     what is known of one of them
-//! table    a line for each
+//! pattern  which sessions to show
+//! session  what is known of one session
+//! table    one line for each session
 //! ```
 
-mod cell;
 mod pattern;
+mod session;
 mod table;
 
 use std::{
@@ -18,54 +18,56 @@ use std::{
 };
 
 use mtj_model::scenario::is_name;
-use mtj_protocol::bus::{BusError, Shared};
+use mtj_protocol::bus::Shared;
 
-pub use self::pattern::Pattern;
-use self::{cell::Cell, table::Table};
+pub use self::pattern::{Pattern, PatternError};
+use self::{session::SessionMonitor, table::Table};
+use crate::error::MonitorError;
 
-/// How often streams are emptied. Tables are read once a second, so this may take its time; a stream holds
-/// four thousand samples.
+/// How often streams are emptied. The table is shown once a second, so this may be slow; a stream
+/// holds four thousand samples.
 const PERIOD: Duration = Duration::from_millis(20);
-/// How often to look for sessions that come and go.
-const LOOK: Duration = Duration::from_millis(250);
+/// How often to look for new and for ended sessions.
+const DISCOVERY: Duration = Duration::from_millis(250);
 /// How often the table is shown.
-const SHOW: Duration = Duration::from_secs(1);
-/// How long a session is still shown in which nobody takes part any more.
-const FAREWELL: Duration = Duration::from_secs(5);
+const REFRESH: Duration = Duration::from_secs(1);
+/// How long a session without members stays in the table.
+const GONE: Duration = Duration::from_secs(5);
 
-/// Shows all sessions of a bus that a pattern means, on `out`, as long as `proceed` says so and somebody
-/// reads.
-pub fn watch<B: Shared>(
+/// Shows all sessions of a bus that match a pattern on `out`, until `proceed` returns false or the
+/// reader of `out` has gone.
+pub fn run<B: Shared>(
     bus: &B,
     pattern: &Pattern,
     out: impl Write,
     proceed: &dyn Fn() -> bool,
-) -> Result<(), BusError> {
-    let mut sessions = bus.sessions()?;
-    let mut cells = BTreeMap::<String, Cell<B>>::new();
+) -> Result<(), MonitorError> {
+    let mut names = bus.sessions()?;
+    let mut sessions = BTreeMap::<String, SessionMonitor<B>>::new();
     let mut table = Table::new(out);
-    let (mut look, mut show) = (Instant::now(), Instant::now() + SHOW);
+    let (mut discovery, mut refresh) = (Instant::now(), Instant::now() + REFRESH);
     while proceed() {
         let now = Instant::now();
-        if now >= look {
-            look = now + LOOK;
-            let mut present = sessions.names()?;
-            // Anybody may announce himself on a bus under any name.
+        if now >= discovery {
+            discovery = now + DISCOVERY;
+            let mut present = names.names()?;
+            // On a bus anybody may announce a session of any name.
             present.retain(|name| is_name(name) && pattern.matches(name));
             for name in &present {
-                cells.entry(name.clone()).or_default().join(bus, name);
+                sessions.entry(name.clone()).or_default().join(bus, name);
             }
-            for (name, cell) in &mut cells {
-                cell.is_there(present.contains(name));
+            for (name, session) in &mut sessions {
+                session.set_present(present.contains(name));
             }
-            cells.retain(|_, cell| cell.absence().is_none_or(|absence| absence < FAREWELL));
+            sessions.retain(|_, session| session.absence().is_none_or(|absence| absence < GONE));
         }
-        for cell in cells.values_mut() {
-            cell.listen();
+        for session in sessions.values_mut() {
+            session.drain();
         }
-        if now >= show {
-            show = now + SHOW;
-            let rows: Vec<_> = cells.iter_mut().map(|(name, cell)| cell.row(name)).collect();
+        if now >= refresh {
+            refresh = now + REFRESH;
+            let rows: Vec<_> =
+                sessions.iter_mut().map(|(name, session)| session.row(name)).collect();
             if !table.show(&rows, pattern) {
                 return Ok(());
             }

@@ -1,51 +1,56 @@
-//! Names of several sessions at once.
+//! Patterns that match the names of several sessions.
 
 use std::str::FromStr;
 
-use mtj_protocol::bus::BusError;
-
-/// A session's name in which `*` stands for anything.
+/// A session name in which `*` matches any text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pattern(String);
 
+/// A pattern holds a character that no session name may have.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "--session {text}: expected letters, digits, '-' and '_', and '*' for any of them, like 'cell-*'"
+)]
+pub struct PatternError {
+    text: String,
+}
+
 impl Pattern {
-    /// Whether a name means several sessions.
-    pub fn is_one(name: &str) -> bool {
+    /// Whether a session name is a pattern.
+    pub fn is_pattern(name: &str) -> bool {
         name.contains('*')
     }
 
-    /// Whether it means this session.
+    /// Whether the pattern matches this name.
     pub fn matches(&self, name: &str) -> bool {
         let mut parts = self.0.split('*');
         let Some(mut rest) = name.strip_prefix(parts.next().unwrap_or_default()) else {
             return false;
         };
         let Some(end) = parts.next_back() else { return rest.is_empty() };
-        // The first place that fits leaves most for the parts behind it.
+        // The first occurrence leaves the longest rest for the following parts.
         for part in parts {
-            let Some(place) = rest.find(part) else { return false };
-            rest = &rest[place + part.len()..];
+            let Some(index) = rest.find(part) else { return false };
+            rest = &rest[index + part.len()..];
         }
         rest.ends_with(end)
     }
 
-    /// As it was written.
+    /// The pattern as it was written.
     pub fn as_str(&self) -> &str {
         &self.0
     }
 }
 
 impl FromStr for Pattern {
-    type Err = BusError;
+    type Err = PatternError;
 
-    fn from_str(text: &str) -> Result<Self, BusError> {
-        let fits = |c: char| c.is_ascii_alphanumeric() || "-_*".contains(c);
-        if text.chars().all(fits) {
+    fn from_str(text: &str) -> Result<Self, PatternError> {
+        let is_allowed = |c: char| c.is_ascii_alphanumeric() || "-_*".contains(c);
+        if text.chars().all(is_allowed) {
             return Ok(Self(text.to_owned()));
         }
-        Err(BusError::Settings(format!(
-            "--session {text}: expected letters, digits, '-' and '_', and '*' for any of them, like 'cell-*'"
-        ).into()))
+        Err(PatternError { text: text.to_owned() })
     }
 }
 
@@ -54,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_star_stands_for_anything_even_nothing() {
+    fn a_star_matches_any_text_even_none() {
         for (pattern, name, expected) in [
             ("*", "default", true),
             ("cell-*", "cell-7", true),
@@ -77,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_session_can_be_called_is_refused() {
+    fn a_pattern_with_a_character_no_name_may_have_is_refused() {
         assert!("a/*".parse::<Pattern>().is_err() && "**/x".parse::<Pattern>().is_err());
     }
 }

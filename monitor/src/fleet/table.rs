@@ -1,4 +1,4 @@
-//! The table of a fleet: a line for each session.
+//! The table of a fleet: one line for each session.
 
 use std::io::{IsTerminal, Write, stdout};
 
@@ -7,67 +7,68 @@ use rustix::{stdio, termios};
 use super::Pattern;
 use crate::durations::Spread;
 
-/// A line of the table.
+/// One line of the table.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Row {
-    /// The session's name.
+pub(super) struct SessionRow {
     pub session: String,
-    /// Where its run is.
     pub phase: &'static str,
     /// The run's time, s.
     pub time: f64,
-    /// Which law answers.
     pub law: &'static str,
     /// Root mean square of the tracking error in the last second, m.
     pub error: Option<f64>,
-    /// The law's gauge with its mean over the last second.
-    pub gauge: Option<String>,
-    /// Of the last ten seconds.
+    /// The law's primary signal with its mean over the last second.
+    pub signal: Option<String>,
+    /// Round trips of the last ten seconds.
     pub round_trip: Option<Spread>,
-    /// Process and machine of the controller in charge.
-    pub in_charge: String,
-    /// How many others stand by for it.
+    /// Process and machine of the leading controller.
+    pub leader: String,
+    /// How many controllers stand by for the leader.
     pub standby: usize,
-    /// As in [`COUNTS`].
+    /// The numbers of [`COUNTS`].
     pub counts: [u64; COUNTS.len()],
-    /// What should not go unnoticed.
     pub alarm: Option<String>,
 }
 
-/// What is counted since the run began: by the plant, and here.
+/// What is counted since the run began: by the plant, and by this monitor.
 const COUNTS: [&str; 6] = ["lost", "late", "rejected", "timeouts", "takeovers", "missed here"];
 
-/// The columns that begin where their heading does; numbers end there.
-const WORDS: [&str; 5] = ["session", "phase", "law", "in charge", "alarm"];
+/// The columns of text, which are aligned to the left; numbers are aligned to the right.
+const TEXTS: [&str; 5] = ["session", "phase", "law", "in charge", "alarm"];
 
 const RED: &str = "\x1b[31m";
 const PLAIN: &str = "\x1b[0m";
 
-/// Shows rows: in place on a terminal, one after another elsewhere.
-pub struct Table<W> {
+/// Shows tables: on a terminal each replaces the last one, elsewhere it follows.
+pub(super) struct Table<W> {
     out: W,
     is_terminal: bool,
     is_coloured: bool,
-    /// How many lines of the last one stand above the cursor.
+    /// How many lines of the last table are above the cursor.
     shown: usize,
 }
 
 impl<W: Write> Table<W> {
-    /// Writes to `out`, which is drawn over if standard output is a terminal.
-    pub fn new(out: W) -> Self {
+    /// Writes to `out`; a new table replaces the last one if standard output is a terminal.
+    pub(super) fn new(out: W) -> Self {
         let is_terminal = stdout().is_terminal();
         let no_color = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
         Self { out, is_terminal, is_coloured: is_terminal && !no_color, shown: 0 }
     }
 
-    /// Shows the sessions; false if nobody reads any more.
-    pub fn show(&mut self, rows: &[Row], pattern: &Pattern) -> bool {
+    /// Shows the sessions; false if the reader of the output has gone.
+    pub(super) fn show(&mut self, rows: &[SessionRow], pattern: &Pattern) -> bool {
         let text = self.text(rows, pattern, self.is_terminal.then(size));
         self.out.write_all(text.as_bytes()).and_then(|()| self.out.flush()).is_ok()
     }
 
-    /// The bytes that show the sessions, on a terminal of some size over what was there before.
-    fn text(&mut self, rows: &[Row], pattern: &Pattern, size: Option<(usize, usize)>) -> String {
+    /// The bytes that show the sessions; on a terminal of a given size they replace the last table.
+    fn text(
+        &mut self,
+        rows: &[SessionRow],
+        pattern: &Pattern,
+        size: Option<(usize, usize)>,
+    ) -> String {
         let mut lines = lay_out(rows);
         if rows.is_empty() {
             lines = vec![format!("no session is called '{}' on this bus yet", pattern.as_str())];
@@ -82,7 +83,7 @@ impl<W: Write> Table<W> {
             if self.shown > 0 {
                 text += &format!("\x1b[{}A\x1b[J", self.shown);
             }
-            // A line that is broken would take the place of two.
+            // A wrapped line would take the space of two.
             lines.iter_mut().for_each(|line| *line = line.chars().take(columns).collect());
             self.shown = lines.len();
         }
@@ -98,7 +99,7 @@ impl<W: Write> Table<W> {
     }
 }
 
-/// How many columns a terminal has, and lines above the one with the cursor.
+/// How many columns the terminal has, and how many lines without the one of the cursor.
 fn size() -> (usize, usize) {
     let known = |cells: u16, usual: usize| if cells == 0 { usual } else { cells.into() };
     termios::tcgetwinsize(stdio::stdout()).map_or((80, 23), |size| {
@@ -107,7 +108,7 @@ fn size() -> (usize, usize) {
 }
 
 /// The heading and the rows, in columns.
-fn lay_out(rows: &[Row]) -> Vec<String> {
+fn lay_out(rows: &[SessionRow]) -> Vec<String> {
     let heading = ["session", "phase", "t/s", "law", "|e|/m", "signal", "p50/µs", "p99/µs"];
     let heading: Vec<&str> = heading
         .into_iter()
@@ -123,7 +124,7 @@ fn lay_out(rows: &[Row]) -> Vec<String> {
     let widths: Vec<usize> = (0..heading.len()).map(width).collect();
     let line = |cells: &Vec<String>| {
         let columns = cells.iter().zip(&heading).zip(&widths);
-        let aligned = columns.map(|((cell, title), width)| match WORDS.contains(title) {
+        let aligned = columns.map(|((cell, title), width)| match TEXTS.contains(title) {
             true => format!("{cell:<width$}"),
             false => format!("{cell:>width$}"),
         });
@@ -132,7 +133,7 @@ fn lay_out(rows: &[Row]) -> Vec<String> {
     lines.iter().map(line).collect()
 }
 
-fn cells(row: &Row) -> Vec<String> {
+fn cells(row: &SessionRow) -> Vec<String> {
     let number = |value: Option<String>| value.unwrap_or_else(|| "-".to_owned());
     let trip = |of: fn(&Spread) -> f64| {
         number(row.round_trip.as_ref().map(|spread| format!("{:.1}", of(spread))))
@@ -143,10 +144,10 @@ fn cells(row: &Row) -> Vec<String> {
         format!("{:.1}", row.time),
         row.law.to_owned(),
         number(row.error.map(|error| format!("{error:.2e}"))),
-        number(row.gauge.clone()),
+        number(row.signal.clone()),
         trip(|spread| spread.p50),
         trip(|spread| spread.p99),
-        row.in_charge.clone(),
+        row.leader.clone(),
         row.standby.to_string(),
     ];
     cells.extend(row.counts.iter().map(u64::to_string));
@@ -161,13 +162,19 @@ mod tests {
 
     use super::*;
 
-    fn row(session: &str, alarm: Option<&str>) -> Row {
+    fn row(session: &str, alarm: Option<&str>) -> SessionRow {
         let alarm = alarm.map(str::to_owned);
-        Row { session: session.to_owned(), phase: "running", law: "mtj", alarm, ..Row::default() }
+        SessionRow {
+            session: session.to_owned(),
+            phase: "running",
+            law: "mtj",
+            alarm,
+            ..SessionRow::default()
+        }
     }
 
-    /// What a terminal shows after some tables, row by row, and the colour of each row's first letter.
-    fn seen(tables: &[&[Row]], size: (u16, u16)) -> Vec<(String, vt100::Color)> {
+    /// The rows of a terminal after some tables, each with the colour of its first letter.
+    fn seen(tables: &[&[SessionRow]], size: (u16, u16)) -> Vec<(String, vt100::Color)> {
         let mut table = Table { out: Vec::new(), is_terminal: true, is_coloured: true, shown: 0 };
         let cells = |count| NonZero::new(count).unwrap();
         let mut terminal = vt100::Parser::new(cells(size.1), cells(size.0), 0);
@@ -183,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_takes_the_place_of_the_one_before() {
+    fn a_table_replaces_the_last_one() {
         let both = [row("cell-1", None), row("cell-2", Some("the plant is waiting"))];
         let shown = seen(&[&[], &both, &both[..1]], (170, 8));
         assert!(
@@ -195,15 +202,15 @@ mod tests {
     }
 
     #[test]
-    fn an_alarm_is_red_and_what_is_well_is_not() {
+    fn only_a_session_with_an_alarm_is_red() {
         let shown = seen(&[&[row("a", None), row("b", Some("silent"))]], (170, 8));
         assert_eq!((shown[1].1, shown[2].1), (vt100::Color::Default, vt100::Color::Idx(1)));
         assert!(shown[2].0.ends_with("silent"), "{shown:?}");
     }
 
     #[test]
-    fn a_small_terminal_is_told_what_it_hides() {
-        let many: Vec<Row> = (0..9).map(|i| row(&format!("cell-{i}"), None)).collect();
+    fn a_small_terminal_says_how_many_sessions_it_hides() {
+        let many: Vec<SessionRow> = (0..9).map(|i| row(&format!("cell-{i}"), None)).collect();
         let shown = seen(&[&many, &many], (40, 6));
         assert!(shown[0].0.starts_with("session"), "{shown:?}");
         assert!(shown[3].0.starts_with("cell-2"), "{shown:?}");

@@ -1,4 +1,4 @@
-//! Messages as JSON, and back to the last bit.
+//! Messages as JSON, and back; numbers keep every bit.
 
 use std::{any::Any, fmt, io, marker::PhantomData, ops::Range, sync::Arc};
 
@@ -14,15 +14,18 @@ use serde::{
     ser::SerializeMap,
 };
 
-use super::topic::{Topic, fields, header};
+use super::{
+    error::MessageError,
+    topic::{Topic, fields, header},
+};
 
-/// Writes a message as one JSON object: the header with its fields, then the sample's own.
+/// Writes a message as one JSON object: the header with its fields, then the sample's own fields.
 pub fn write(out: &mut impl io::Write, message: &Message) -> io::Result<()> {
-    Ok(serde_json::to_writer(out, &Told(message))?)
+    Ok(serde_json::to_writer(out, &MessageJson(message))?)
 }
 
-/// Reads what [`write()`] wrote; in words, if it is something else.
-pub fn read(topic: Topic, json: &[u8]) -> Result<Message, String> {
+/// Reads a message that [`write()`] wrote.
+pub fn read(topic: Topic, json: &[u8]) -> Result<Message, MessageError> {
     Ok(match topic {
         Topic::Scenario => Message::Scenario(Arc::new(read_scenario(json)?)),
         Topic::State => Message::State(read_sample(json)?),
@@ -35,9 +38,9 @@ pub fn read(topic: Topic, json: &[u8]) -> Result<Message, String> {
     })
 }
 
-struct Told<'a>(&'a Message);
+struct MessageJson<'a>(&'a Message);
 
-impl Serialize for Told<'_> {
+impl Serialize for MessageJson<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
         if let Some(header) = header(self.0) {
@@ -58,7 +61,7 @@ impl Serialize for Told<'_> {
     }
 }
 
-fn read_scenario(json: &[u8]) -> Result<Offered, String> {
+fn read_scenario(json: &[u8]) -> Result<Offered, MessageError> {
     #[derive(Deserialize)]
     struct Record {
         name: String,
@@ -66,38 +69,38 @@ fn read_scenario(json: &[u8]) -> Result<Offered, String> {
         revision: u32,
         text: String,
     }
-    let Record { name, run, revision, text } =
-        serde_json::from_slice(json).map_err(|error| error.to_string())?;
-    let scenario = Scenario::parse(&name, &text, &[]).map_err(|error| error.to_string())?;
+    let Record { name, run, revision, text } = serde_json::from_slice(json)?;
+    let scenario = Scenario::parse(&name, &text, &[])?;
     Ok(Offered { run, revision, scenario })
 }
 
-fn read_sample<S: Sample>(json: &[u8]) -> Result<S, String> {
-    let read = serde_json::from_slice::<Retold<S>>(json).map_err(|error| error.to_string());
-    let accepted = read.and_then(|Retold(sample)| match admission::check(&sample) {
-        Ok(()) => Ok(sample),
-        Err(rejection) => Err(rejection.to_string()),
-    });
-    accepted.map_err(|fault| other_version(json).unwrap_or(fault))
+fn read_sample<S: Sample>(json: &[u8]) -> Result<S, MessageError> {
+    let error = match serde_json::from_slice(json) {
+        Err(error) => error.into(),
+        Ok(SampleJson(sample)) => match admission::check(&sample) {
+            Ok(()) => return Ok(sample),
+            Err(rejection) => MessageError::Sample(rejection),
+        },
+    };
+    // A sample of another version has other fields; then its version is the reason.
+    Err(other_version(json).map_or(error, MessageError::Version))
 }
 
-/// Says so if a sample is of another protocol version, whose fields are others.
-fn other_version(json: &[u8]) -> Option<String> {
+/// The protocol version of a sample, if it is not that of this program.
+fn other_version(json: &[u8]) -> Option<u32> {
     #[derive(Deserialize)]
-    struct Headed {
+    struct OnlyHeader {
         header: Header,
     }
-    let Headed { header: Header { version, .. } } = serde_json::from_slice(json).ok()?;
-    (version != VERSION).then(|| {
-        format!("it has protocol version {version}, and this program reads version {VERSION}")
-    })
+    let OnlyHeader { header } = serde_json::from_slice(json).ok()?;
+    Some(header.version).filter(|version| *version != VERSION)
 }
 
-struct Retold<S>(S);
+struct SampleJson<S>(S);
 
-impl<'de, S: Sample> Deserialize<'de> for Retold<S> {
+impl<'de, S: Sample> Deserialize<'de> for SampleJson<S> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_map(Fields(PhantomData)).map(Retold)
+        deserializer.deserialize_map(Fields(PhantomData)).map(SampleJson)
     }
 }
 
@@ -132,20 +135,20 @@ impl<'de, S: Sample> Visitor<'de> for Fields<S> {
     }
 }
 
-/// The field of this name; of an error sample whose law was read, its law's signals too.
+/// The field of this name; for an error sample whose law was read, this includes the law's signals.
 fn field_mut<'a, S: Sample>(sample: &'a mut S, name: &str) -> Option<FieldMut<'a>> {
-    let signal = (sample as &dyn Any).downcast_ref().and_then(|error| place_of_signal(error, name));
+    let signal = (sample as &dyn Any).downcast_ref().and_then(|error| range_of_signal(error, name));
     match signal {
         None => sample.field_mut(name),
-        Some(place) => match sample.field_mut("signals")? {
-            FieldMut::Numbers(signals) => Some(FieldMut::Numbers(&mut signals[place])),
+        Some(range) => match sample.field_mut("signals")? {
+            FieldMut::Numbers(signals) => Some(FieldMut::Numbers(&mut signals[range])),
             FieldMut::Count(_) | FieldMut::Text(_) => None,
         },
     }
 }
 
-/// Where a signal of the law stands among all its signals.
-fn place_of_signal(error: &ErrorSample, name: &str) -> Option<Range<usize>> {
+/// The range of a signal of the law within the list of all signals.
+fn range_of_signal(error: &ErrorSample, name: &str) -> Option<Range<usize>> {
     let mut end = 0;
     error.signals().find_map(|(signal, numbers)| {
         let start = end;
@@ -154,7 +157,7 @@ fn place_of_signal(error: &ErrorSample, name: &str) -> Option<Range<usize>> {
     })
 }
 
-/// Fills in the first entries of a list of zeros.
+/// Overwrites the first entries of a list of zeros.
 struct Fill<'a>(&'a mut [f64]);
 
 impl<'de> DeserializeSeed<'de> for Fill<'_> {
@@ -174,10 +177,11 @@ impl<'de> Visitor<'de> for Fill<'_> {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<(), A::Error> {
         let most = self.0.len();
-        let mut places = self.0.iter_mut();
+        let mut entries = self.0.iter_mut();
         while let Some(number) = list.next_element()? {
-            *places.next().ok_or_else(|| A::Error::invalid_length(most + 1, &"fewer numbers"))? =
-                number;
+            *entries
+                .next()
+                .ok_or_else(|| A::Error::invalid_length(most + 1, &"fewer numbers"))? = number;
         }
         Ok(())
     }
@@ -193,7 +197,7 @@ mod tests {
 
     use super::*;
 
-    fn again(message: &Message) -> Message {
+    fn written_and_read(message: &Message) -> Message {
         let mut json = Vec::new();
         write(&mut json, message).unwrap();
         read(Topic::of(message), &json).unwrap()
@@ -230,7 +234,9 @@ mod tests {
                 echo: padded(&[draw(), f64::MIN_POSITIVE / 3.0]),
                 ..Default::default()
             };
-            let Message::Torque(read) = again(&Message::Torque(torque)) else { panic!() };
+            let Message::Torque(read) = written_and_read(&Message::Torque(torque)) else {
+                panic!()
+            };
             assert_eq!(read.header, torque.header);
             assert_eq!(read.torque.map(f64::to_bits), torque.torque.map(f64::to_bits));
             assert_eq!(read.echo.map(f64::to_bits), torque.echo.map(f64::to_bits));
@@ -238,12 +244,12 @@ mod tests {
     }
 
     #[test]
-    fn words_come_back_whatever_they_are() {
+    fn any_text_comes_back() {
         let words = "law.kind=\"tj\"\nτ\\\t„ö“ \u{1}";
         let change = ChangeSample { header: header(), text: text(words), ..Default::default() };
-        assert_eq!(again(&Message::Change(change)), Message::Change(change));
+        assert_eq!(written_and_read(&Message::Change(change)), Message::Change(change));
         let presence = PresenceSample { header: header(), host: text("arm"), ..Default::default() };
-        assert_eq!(again(&Message::Presence(presence)), Message::Presence(presence));
+        assert_eq!(written_and_read(&Message::Presence(presence)), Message::Presence(presence));
     }
 
     #[test]
@@ -264,12 +270,13 @@ mod tests {
             write(&mut json, &Message::Error(error)).unwrap();
             let json = String::from_utf8(json).unwrap();
             assert!(json.contains(keys), "{json}");
-            assert_eq!(read(Topic::Error, json.as_bytes()), Ok(Message::Error(error)), "{law}");
+            let read = read(Topic::Error, json.as_bytes()).unwrap();
+            assert_eq!(read, Message::Error(error), "{law}");
         }
     }
 
     #[test]
-    fn a_signal_that_is_missing_or_of_another_law_is_refused() {
+    fn a_missing_signal_or_one_of_another_law_is_refused() {
         let error = ErrorSample { header: header(), law: text("mtj"), ..Default::default() };
         let mut json = Vec::new();
         write(&mut json, &Message::Error(error)).unwrap();
@@ -279,7 +286,8 @@ mod tests {
             ("\"mtj\"", "\"tj\"", "no field 'factor'"),
             ("\"factor\":[0.0,0.0]", "\"factor\":[0.0,0.0,0.0]", "fewer numbers"),
         ] {
-            let sentence = read(Topic::Error, json.replacen(from, to, 1).as_bytes()).unwrap_err();
+            let sentence =
+                read(Topic::Error, json.replacen(from, to, 1).as_bytes()).unwrap_err().to_string();
             assert!(sentence.contains(words), "{from} → {to}: {sentence}");
         }
     }
@@ -289,14 +297,14 @@ mod tests {
         let torque = "{\"header\":{\"version\":3,\"joints\":2,\"axes\":2,\"revision\":0,\"run\":1,\
                       \"sequence\":5,\"time_ns\":0},\"state_sent_ns\":0,\"residence_ns\":0,\
                       \"controller\":1,\"torque\":[1.0,2.0],\"force\":[3.0,4.0]}";
-        let sentence = read(Topic::Torque, torque.as_bytes()).unwrap_err();
+        let sentence = read(Topic::Torque, torque.as_bytes()).unwrap_err().to_string();
         assert_eq!(sentence, "it has protocol version 3, and this program reads version 4");
         let json = br#"{"header":{"version":3}}"#;
-        assert!(read(Topic::Error, json).is_err(), "a header that is none is refused, too");
+        assert!(read(Topic::Error, json).is_err(), "a header without its fields is refused, too");
     }
 
     #[test]
-    fn what_is_no_sample_is_refused_in_words() {
+    fn json_that_is_not_a_sample_is_refused_with_the_reason() {
         let mut json = Vec::new();
         let state = StateSample { header: header(), ..Default::default() };
         write(&mut json, &Message::State(state)).unwrap();
@@ -313,7 +321,7 @@ mod tests {
         ] {
             let broken = json.replacen(from, to, 1);
             assert_ne!(broken, json);
-            let sentence = read(Topic::State, broken.as_bytes()).unwrap_err();
+            let sentence = read(Topic::State, broken.as_bytes()).unwrap_err().to_string();
             assert!(sentence.contains(words), "{from} → {to}: {sentence}");
         }
         assert!(read(Topic::State, json.as_bytes()).is_ok());

@@ -8,11 +8,11 @@ use std::{
 
 use clap::Args;
 use mtj_model::scenario::BusSettings;
-use mtj_protocol::bus::BusError;
 
 use super::{
-    file::{self, RecordingFile},
+    error::RecordingError,
     recorder::Recorder,
+    writer::{self, RecordingWriter},
 };
 
 /// Whether and where a session is recorded.
@@ -27,18 +27,18 @@ pub struct RecordingOptions {
     pub overwrite: bool,
 }
 
-/// A recording whose file is there, and that has heard nothing yet.
-pub struct Begun {
+/// A recording whose file was created, without messages yet.
+#[derive(Debug)]
+pub struct NewRecording {
     path: PathBuf,
-    file: RecordingFile,
+    writer: RecordingWriter,
 }
 
 impl RecordingOptions {
-    /// Creates the file, so that a path that cannot be written is known before anything else is done.
-    pub fn begin(&self, bus: &BusSettings) -> Result<Option<Begun>, BusError> {
+    /// Creates the file, so that a path that cannot be written is reported before anything starts.
+    pub fn create(&self, bus: &BusSettings) -> Result<Option<NewRecording>, RecordingError> {
         let Some(path) = &self.record else { return Ok(None) };
-        let file =
-            file::create(path, self.overwrite).map_err(|error| BusError::Settings(error.into()))?;
+        let file = writer::create(path, self.overwrite)?;
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let metadata = BTreeMap::from(
             [
@@ -50,12 +50,10 @@ impl RecordingOptions {
             ]
             .map(|(key, value)| (key.to_owned(), value)),
         );
-        match RecordingFile::begin(file, metadata) {
-            Ok(file) => Ok(Some(Begun { path: path.clone(), file })),
-            Err(error) => Err(BusError::Settings(
-                format!("--record {}: {error}; choose a file on a disk with space", path.display())
-                    .into(),
-            )),
+        let path = path.clone();
+        match RecordingWriter::new(file, metadata) {
+            Ok(writer) => Ok(Some(NewRecording { path, writer })),
+            Err(source) => Err(RecordingError::Header { path, source }),
         }
     }
 
@@ -67,13 +65,9 @@ impl RecordingOptions {
     }
 }
 
-impl Begun {
-    /// Records from now on, which it says.
-    pub fn start(self) -> Result<Recorder, BusError> {
-        Recorder::start(&self.path, self.file).map_err(|error| {
-            BusError::Transport(
-                format!("the recorder's thread could not be started: {error}").into(),
-            )
-        })
+impl NewRecording {
+    /// Starts to record.
+    pub fn start(self) -> Result<Recorder, RecordingError> {
+        Recorder::start(self.path, self.writer).map_err(RecordingError::Thread)
     }
 }

@@ -2,16 +2,18 @@
 
 use std::time::Instant;
 
-use mtj_protocol::{bus::BusError, port::Message};
+use mtj_protocol::port::Message;
+use tracing::info;
 
-use super::{Recorded, Recording};
-use crate::monitor::Source;
+use super::{RecordedMessage, Recording, RecordingError};
+use crate::{error::MonitorError, monitor::Source};
 
-/// Plays a recording at any speed, from its beginning; says so at its end, and stays silent then.
+/// Plays a recording from its beginning at any speed; after its end there are no more messages.
+#[derive(Debug)]
 pub struct Player {
     recording: Recording,
     speed: f64,
-    next: Option<Recorded>,
+    next: Option<RecordedMessage>,
     start: Option<(Instant, u64)>,
 }
 
@@ -21,18 +23,17 @@ impl Player {
         Self { recording, speed, next: None, start: None }
     }
 
-    fn advance(&mut self) -> Result<(), BusError> {
-        self.next =
-            self.recording.next().transpose().map_err(|error| BusError::Transport(error.into()))?;
+    fn advance(&mut self) -> Result<(), RecordingError> {
+        self.next = self.recording.next().transpose()?;
         if self.next.is_none() {
-            eprintln!("mtj: the recording has been played to its end");
+            info!("the recording has been played to its end");
         }
         Ok(())
     }
 }
 
 impl Source for Player {
-    fn drain(&mut self, hear: &mut dyn FnMut(Message)) -> Result<(), BusError> {
+    fn drain(&mut self, handle: &mut dyn FnMut(Message)) -> Result<(), MonitorError> {
         let (started, first) = match self.start {
             Some(start) => start,
             None => {
@@ -42,12 +43,12 @@ impl Source for Player {
             }
         };
         let played = started.elapsed().mul_f64(self.speed).as_nanos();
-        // What lies a little before its predecessor, as topics are emptied one after the other, is due
-        // with it.
+        // Topics are recorded one after the other, so a message may have an earlier time than the
+        // one before; it is played together with that one.
         while let Some(next) =
             self.next.take_if(|next| u128::from(next.log_time.saturating_sub(first)) <= played)
         {
-            hear(next.message);
+            handle(next.message);
             self.advance()?;
         }
         Ok(())

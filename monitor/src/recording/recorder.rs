@@ -1,74 +1,82 @@
-//! An audience that records all it hears.
+//! A sink that records all messages.
 
 use std::{
     io,
-    path::{Path, PathBuf},
+    path::PathBuf,
     sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender},
     thread::{self, JoinHandle},
     time::{Duration, Instant, SystemTime},
 };
 
-use mtj_protocol::{bus::BusError, port::Message};
+use mtj_protocol::port::Message;
+use tracing::{error, info, warn};
 
 use super::{
-    file::RecordingFile,
     timeline::Timeline,
     topic::{Counts, TOPICS, Topic},
+    writer::RecordingWriter,
 };
-use crate::monitor::Audience;
+use crate::{error::MonitorError, monitor::Sink};
 
-/// The most that a kill can cost.
+/// How often the file is flushed: the most that a crash can lose.
 const FLUSH: Duration = Duration::from_secs(1);
-/// How many messages wait for the disk; some seconds at 10 kHz.
+/// How many messages can wait for the disk; some seconds at 10 kHz.
 const QUEUE: usize = 1 << 16;
-/// How often to say that messages are lost, at most.
-const COMPLAINT: Duration = Duration::from_secs(5);
+/// The shortest time between two warnings about lost messages.
+const WARNING: Duration = Duration::from_secs(5);
 
-/// Records a session in a file, on a thread of its own: when the disk does not keep up, messages are
-/// lost, counted and reported, and nobody waits.
+/// Records a session in a file.
+///
+/// A thread of its own writes. Messages that the disk is too slow for are lost, counted and
+/// reported; the monitor does not wait.
+#[derive(Debug)]
 pub struct Recorder {
     path: PathBuf,
     queue: Option<SyncSender<(u64, Message)>>,
     thread: Option<JoinHandle<Written>>,
     timeline: Timeline,
-    heard: Counts,
-    safe: Counts,
+    received: Counts,
+    written: Counts,
+    /// How many messages did not fit into the queue.
     overrun: u64,
-    complaint: Option<(Instant, u64)>,
+    /// When the last warning was logged, and `overrun` at that time.
+    warned: Option<(Instant, u64)>,
+    /// Run and sequence number of the newest state.
     newest: Option<(u64, u64)>,
     missed: u64,
 }
 
-/// What became of a file.
+/// What the thread wrote.
+#[derive(Debug)]
 struct Written {
-    safe: Counts,
+    counts: Counts,
     outcome: io::Result<()>,
 }
 
 impl Recorder {
-    /// Records in a file that was begun; `path` is its name.
-    pub fn start(path: &Path, file: RecordingFile) -> io::Result<Self> {
+    /// Starts to record with `writer` to the file `path`.
+    pub(super) fn start(path: PathBuf, writer: RecordingWriter) -> io::Result<Self> {
         let (queue, messages) = mpsc::sync_channel(QUEUE);
         let thread = thread::Builder::new()
             .name("mtj-recorder".to_owned())
-            .spawn(move || write_down(file, &messages))?;
-        say(&format!("recording to {}", path.display()));
+            .spawn(move || write(writer, &messages))?;
+        info!("recording to {}", path.display());
         Ok(Self {
-            path: path.to_owned(),
+            path,
             queue: Some(queue),
             thread: Some(thread),
             timeline: Timeline::default(),
-            heard: Counts::default(),
-            safe: Counts::default(),
+            received: Counts::default(),
+            written: Counts::default(),
             overrun: 0,
-            complaint: None,
+            warned: None,
             newest: None,
             missed: 0,
         })
     }
 
     fn count(&mut self, message: &Message) {
-        self.heard[Topic::of(message) as usize] += 1;
+        self.received[Topic::of(message) as usize] += 1;
         if let Message::State(state) = message {
             let header = state.header;
             if let Some((run, sequence)) = self.newest
@@ -80,67 +88,69 @@ impl Recorder {
         }
     }
 
-    /// Says so, if messages are lost because the disk is too slow.
-    fn complain(&mut self) {
-        let due = |(said, lost): (Instant, u64)| lost < self.overrun && said.elapsed() > COMPLAINT;
-        if self.overrun > 0 && self.complaint.is_none_or(due) {
-            self.complaint = Some((Instant::now(), self.overrun));
-            say(&format!(
+    /// Warns, not too often, when messages were lost because the disk is too slow.
+    fn warn_of_overrun(&mut self) {
+        let is_due = |(at, lost): (Instant, u64)| lost < self.overrun && at.elapsed() > WARNING;
+        if self.overrun > 0 && self.warned.is_none_or(is_due) {
+            self.warned = Some((Instant::now(), self.overrun));
+            warn!(
                 "{}: the disk does not keep up; {} messages are lost so far",
                 self.path.display(),
                 self.overrun
-            ));
+            );
         }
     }
 
-    /// Lets the thread come to its end, and says so if it was not the one that was meant.
-    fn conclude(&mut self) {
+    /// Lets the thread finish, and reports its error.
+    fn finish(&mut self) {
         let Some(thread) = self.thread.take() else { return };
         self.queue = None;
-        let Ok(Written { safe, outcome }) = thread.join() else {
-            say(&format!("{}: the recorder failed", self.path.display()));
+        let path = self.path.display();
+        let Ok(Written { counts, outcome }) = thread.join() else {
+            error!("{path}: the recorder failed");
             return;
         };
-        self.safe = safe;
+        self.written = counts;
         if let Err(error) = outcome {
             let reason = match error.kind() {
                 io::ErrorKind::StorageFull => "the disk is full".to_owned(),
                 _ => error.to_string(),
             };
-            say(&format!(
-                "{}: {reason}; the recording ends here, what was recorded until now can be read, \
-                 and monitoring goes on",
-                self.path.display()
-            ));
+            error!(
+                "{path}: {reason}; the recording ends here, what was recorded until now can be \
+                 read, and monitoring goes on"
+            );
         }
     }
 
-    fn tally(&self) -> String {
-        let of_each = TOPICS.map(|topic| format!("{} {}", self.safe[topic as usize], topic.name()));
-        let dropped = self.heard.iter().sum::<u64>() - self.safe.iter().sum::<u64>();
+    /// How many messages were recorded, dropped and missed, as a sentence.
+    fn summary(&self) -> String {
+        let counts =
+            TOPICS.map(|topic| format!("{} {}", self.written[topic as usize], topic.name()));
+        let dropped = self.received.iter().sum::<u64>() - self.written.iter().sum::<u64>();
         format!(
             "recorded in {}: {}; {dropped} messages dropped, {} states missed",
             self.path.display(),
-            of_each.join(", "),
+            counts.join(", "),
             self.missed
         )
     }
 }
 
-impl Audience for Recorder {
-    fn hear(&mut self, message: &Message) {
+impl Sink for Recorder {
+    fn handle(&mut self, message: &Message) {
         self.count(message);
         let Some(queue) = &self.queue else { return };
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-        let log_time = self.timeline.place(message, now.as_nanos() as u64);
+        let log_time = self.timeline.log_time(message, now.as_nanos() as u64);
         let outcome = queue.try_send((log_time, message.clone()));
         self.overrun += u64::from(matches!(outcome, Err(mpsc::TrySendError::Full(_))));
     }
 
-    fn refresh(&mut self) -> Result<bool, BusError> {
-        self.complain();
+    fn refresh(&mut self) -> Result<bool, MonitorError> {
+        self.warn_of_overrun();
         if self.thread.as_ref().is_some_and(JoinHandle::is_finished) {
-            self.conclude();
+            self.finish();
         }
         Ok(true)
     }
@@ -148,37 +158,32 @@ impl Audience for Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        self.conclude();
-        say(&self.tally());
+        self.finish();
+        info!("{}", self.summary());
     }
 }
 
-/// On standard error, because standard output belongs to the view.
-fn say(sentence: &str) {
-    eprintln!("mtj monitor: {sentence}");
-}
-
-/// Writes down messages until there are no more.
-fn write_down(mut file: RecordingFile, messages: &Receiver<(u64, Message)>) -> Written {
-    let outcome = write_all(&mut file, messages);
-    let safe = file.safe();
+/// Writes messages until the queue is closed.
+fn write(mut writer: RecordingWriter, messages: &Receiver<(u64, Message)>) -> Written {
+    let outcome = write_all(&mut writer, messages);
+    let counts = writer.flushed();
     if outcome.is_err() {
-        // The disk is full or gone: there is nothing more to be done about it.
-        let _ = file.abandon();
+        // The disk is full or gone: a second error tells nothing new.
+        let _ = writer.abandon();
     }
-    Written { safe, outcome }
+    Written { counts, outcome }
 }
 
-fn write_all(file: &mut RecordingFile, messages: &Receiver<(u64, Message)>) -> io::Result<()> {
+fn write_all(writer: &mut RecordingWriter, messages: &Receiver<(u64, Message)>) -> io::Result<()> {
     let mut flush = Instant::now() + FLUSH;
     loop {
         match messages.recv_timeout(flush.saturating_duration_since(Instant::now())) {
-            Ok((log_time, message)) => file.write(log_time, &message)?,
+            Ok((log_time, message)) => writer.write(log_time, &message)?,
             Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => return file.finish(),
+            Err(RecvTimeoutError::Disconnected) => return writer.finish(),
         }
         if Instant::now() >= flush {
-            file.flush()?;
+            writer.flush()?;
             flush = Instant::now() + FLUSH;
         }
     }
@@ -195,28 +200,28 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_the_disk_cannot_take_is_counted_and_nobody_waits_for_it() {
-        // A pipe that nobody reads is a disk that is stuck.
+    fn messages_that_the_disk_is_too_slow_for_are_counted_and_the_monitor_does_not_wait() {
+        // A pipe without a reader behaves like a disk that hangs.
         let (mut disk, pipe) = io::pipe().unwrap();
         let file = File::from(OwnedFd::from(pipe));
-        let file = RecordingFile::begin(file, BTreeMap::new()).unwrap();
-        let mut recorder = Recorder::start(Path::new("pipe"), file).unwrap();
-        let heard = 3 * QUEUE as u64;
-        for sequence in 0..heard {
+        let writer = RecordingWriter::new(file, BTreeMap::new()).unwrap();
+        let mut recorder = Recorder::start("pipe".into(), writer).unwrap();
+        let received = 3 * QUEUE as u64;
+        for sequence in 0..received {
             let header = Header { run: 1, sequence, ..Header::default() };
-            recorder.hear(&Message::State(StateSample { header, ..Default::default() }));
+            recorder.handle(&Message::State(StateSample { header, ..Default::default() }));
         }
         assert!(recorder.refresh().unwrap());
         assert!((1..=2 * QUEUE as u64).contains(&recorder.overrun), "{}", recorder.overrun);
-        assert!(recorder.complaint.is_some());
+        assert!(recorder.warned.is_some());
 
         let reading = thread::spawn(move || io::copy(&mut disk, &mut io::sink()).unwrap());
-        recorder.conclude();
-        let states = recorder.safe[Topic::State as usize];
-        assert_eq!(states + recorder.overrun, heard);
-        let tally = recorder.tally();
-        assert!(tally.contains(&format!("{states} state, ")), "{tally}");
-        assert!(tally.contains(&format!("; {} messages dropped", recorder.overrun)), "{tally}");
+        recorder.finish();
+        let states = recorder.written[Topic::State as usize];
+        assert_eq!(states + recorder.overrun, received);
+        let summary = recorder.summary();
+        assert!(summary.contains(&format!("{states} state, ")), "{summary}");
+        assert!(summary.contains(&format!("; {} messages dropped", recorder.overrun)), "{summary}");
         assert!(reading.join().unwrap() > 0);
     }
 }

@@ -1,4 +1,4 @@
-//! What the JSON of a recording looks like, and in which units.
+//! The JSON schema of each topic, with units.
 
 use mtj_model::{
     MAX_AXES, MAX_ECHO, MAX_JOINTS,
@@ -18,10 +18,10 @@ pub fn schema(topic: Topic) -> Value {
         Topic::Scenario => object(
             "An experiment, in effect from this revision of the run on",
             Map::from_iter([
-                ("name".to_owned(), words("")),
-                ("run".to_owned(), whole("")),
-                ("revision".to_owned(), whole("")),
-                ("text".to_owned(), words("TOML")),
+                ("name".to_owned(), string("")),
+                ("run".to_owned(), integer("")),
+                ("revision".to_owned(), integer("")),
+                ("text".to_owned(), string("TOML")),
             ]),
         ),
         Topic::State => of_sample(
@@ -44,7 +44,7 @@ pub fn schema(topic: Topic) -> Value {
     }
 }
 
-/// The unit of a field, by its name; empty for what has none.
+/// The unit of the field of this name; empty without a unit.
 pub fn unit(field: &str) -> &'static str {
     match field {
         "position" => "rad",
@@ -78,7 +78,8 @@ fn signals() -> impl Iterator<Item = &'static Signal> {
     LAWS.iter().flat_map(|law| law.signals)
 }
 
-/// An error shows the signals of its law by their keys, or all as one if the law is not known.
+/// The schema of an error sample: the signals of a known law have their keys; those of an unknown
+/// law are one list.
 fn of_error() -> Value {
     let mut schema = of_sample("How the law saw the instant it answered", ErrorSample::default());
     for signal in signals() {
@@ -91,7 +92,7 @@ fn of_error() -> Value {
     schema
 }
 
-/// The schema of a sample as it shows itself with the largest arm.
+/// The schema of a sample, with the lists of the largest arm.
 fn of_sample<S: Sample>(description: &str, mut sample: S) -> Value {
     sample.header_mut().joints = MAX_JOINTS as u32;
     sample.header_mut().axes = MAX_AXES as u32;
@@ -100,8 +101,8 @@ fn of_sample<S: Sample>(description: &str, mut sample: S) -> Value {
     sample.fields(&mut |name, field| {
         let unit = unit(name);
         let value = match field {
-            Field::Count(_) => whole(unit),
-            Field::Text(_) => words(unit),
+            Field::Count(_) => integer(unit),
+            Field::Text(_) => string(unit),
             Field::Numbers(list) if matches!(name, "applied" | "delivered" | "echo") => {
                 numbers(list.len(), &echo_units())
             }
@@ -115,7 +116,7 @@ fn of_sample<S: Sample>(description: &str, mut sample: S) -> Value {
 fn of_header() -> Value {
     let mut properties = Map::new();
     Header::default().fields(&mut |name, _| {
-        properties.insert(name.to_owned(), whole(unit(name)));
+        properties.insert(name.to_owned(), integer(unit(name)));
     });
     object("The sampling instant that is meant", properties)
 }
@@ -131,7 +132,7 @@ fn object(description: &str, properties: Map<String, Value>) -> Value {
     })
 }
 
-fn whole(unit: &str) -> Value {
+fn integer(unit: &str) -> Value {
     json!({ "type": "integer", "minimum": 0, "description": unit })
 }
 
@@ -144,6 +145,6 @@ fn numbers(most: usize, unit: &str) -> Value {
     })
 }
 
-fn words(form: &str) -> Value {
-    json!({ "type": "string", "description": form })
+fn string(unit: &str) -> Value {
+    json!({ "type": "string", "description": unit })
 }

@@ -8,7 +8,7 @@ use mtj_protocol::{
     },
 };
 
-/// What a message is about.
+/// The topic of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Topic {
     /// The scenario of a run, or one that was changed.
@@ -21,15 +21,15 @@ pub enum Topic {
     Error,
     /// Plant to monitors.
     Status,
-    /// Anybody to plant.
+    /// Operator to plant.
     Request,
-    /// Plant to everybody.
+    /// Plant to all: the answer to a request.
     Change,
-    /// A role to everybody.
+    /// Each role to all.
     Presence,
 }
 
-/// All of them, each at the place of its number.
+/// All topics, in the order of their numbers.
 pub const TOPICS: [Topic; 8] = [
     Topic::Scenario,
     Topic::State,
@@ -41,8 +41,8 @@ pub const TOPICS: [Topic; 8] = [
     Topic::Presence,
 ];
 
-/// A number for each topic.
-pub type Counts = [u64; TOPICS.len()];
+/// One number for each topic.
+pub(crate) type Counts = [u64; TOPICS.len()];
 
 impl Topic {
     /// A message's topic.
@@ -73,20 +73,20 @@ impl Topic {
         }
     }
 
-    /// The channel in a recording. Without the session, which the metadata name, so that what was
-    /// laid out in a viewer for one recording fits the next.
+    /// The channel in a recording. The session is not part of it, so that the layout of a viewer fits
+    /// all recordings; the metadata name the session.
     pub fn channel(self) -> String {
         format!("/mtj/{}", self.name())
     }
 
-    /// The topic that is recorded in this channel.
+    /// The topic of a channel.
     pub fn of_channel(channel: &str) -> Option<Self> {
         let name = channel.strip_prefix("/mtj/")?;
         TOPICS.into_iter().find(|topic| topic.name() == name)
     }
 }
 
-/// What the message begins with; scenarios begin with nothing.
+/// The header of a message; a scenario has none.
 pub fn header(message: &Message) -> Option<&Header> {
     Some(match message {
         Message::Scenario(_) => return None,
@@ -100,7 +100,7 @@ pub fn header(message: &Message) -> Option<&Header> {
     })
 }
 
-/// Shows what follows the header, field by field.
+/// Passes each field after the header to `show`.
 pub fn fields(message: &Message, show: &mut dyn FnMut(&'static str, Field<'_>)) {
     match message {
         Message::Scenario(offered) => {

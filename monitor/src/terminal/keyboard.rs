@@ -1,4 +1,4 @@
-//! The keys that are pressed at a terminal.
+//! The keys of a terminal.
 
 use std::{
     fs::{File, OpenOptions},
@@ -14,38 +14,38 @@ use rustix::{
     termios::{isatty, ttyname},
 };
 
-/// How long after an escape the rest of a longer sequence may come, as from an arrow key.
+/// How long after an escape byte the rest of a sequence, as of an arrow key, may come.
 const ESCAPE: Duration = Duration::from_millis(60);
 
-/// What the user wants.
+/// The command of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Key {
-    /// To see no more.
+pub(super) enum Key {
+    /// Close the dashboard.
     Quit,
-    /// The view to stand still, or to go on.
+    /// Stop the view, or let it go on.
     Hold,
-    /// More time on the charts.
+    /// Show more time on the charts.
     Longer,
-    /// Less time on the charts.
+    /// Show less time on the charts.
     Shorter,
-    /// To know the keys.
+    /// Show what the keys do.
     Help,
 }
 
-/// The terminal that is drawn on, to read from.
+/// The terminal of the dashboard, to read from.
 ///
-/// Standard input where that is a terminal; it may be the leash of the process that started this one. Keys
-/// are told apart here, because crossterm's reader never comes back from a terminal that was closed.
-pub enum Keyboard {
+/// crossterm could read keys too, but its reader never returns from a terminal that was closed.
+pub(super) enum Keyboard {
     /// Standard input.
     Standard,
-    /// The terminal behind standard output.
+    /// The terminal of standard output, if standard input is not a terminal: it may be a pipe by
+    /// which another process stops this one.
     Opened(File),
 }
 
 impl Keyboard {
-    /// Finds the terminal.
-    pub fn open() -> io::Result<Self> {
+    /// Opens the terminal.
+    pub(super) fn open() -> io::Result<Self> {
         if isatty(stdio::stdin()) {
             return Ok(Self::Standard);
         }
@@ -54,8 +54,8 @@ impl Keyboard {
         Ok(Self::Opened(OpenOptions::new().read(true).write(true).open(path)?))
     }
 
-    /// What was typed since the last call, without waiting; `None` when the terminal is gone.
-    pub fn typed(&self) -> Option<Vec<u8>> {
+    /// The bytes since the last call, without waiting; `None` when the terminal is gone.
+    pub(super) fn read(&self) -> Option<Vec<u8>> {
         let mut bytes = [0; 64];
         let terminal = self.as_fd();
         let mut ready = [PollFd::new(&terminal, PollFlags::IN)];
@@ -84,7 +84,7 @@ impl AsFd for Keyboard {
 
 /// Turns bytes into keys; a sequence may come in pieces.
 #[derive(Default)]
-pub struct Decoder {
+pub(super) struct Decoder {
     state: State,
 }
 
@@ -92,16 +92,16 @@ pub struct Decoder {
 enum State {
     #[default]
     Plain,
-    /// An escape has come, and nothing after it yet.
+    /// After an escape byte.
     Escaped(Instant),
-    /// Within a sequence like that of an arrow key, which means nothing here.
+    /// Within the sequence of another key, as of an arrow key, which is ignored.
     Sequence,
 }
 
 impl Decoder {
-    /// The keys in some bytes that came at an instant; to be called without any too, for an escape
-    /// that stays alone.
-    pub fn keys(&mut self, bytes: &[u8], now: Instant) -> Vec<Key> {
+    /// The keys in the bytes that came by `now`. To be called without bytes too: an escape byte
+    /// that stays alone is a key.
+    pub(super) fn keys(&mut self, bytes: &[u8], now: Instant) -> Vec<Key> {
         let mut keys = Vec::new();
         for byte in bytes {
             self.state = match (&self.state, byte) {
@@ -109,7 +109,7 @@ impl Decoder {
                 (State::Escaped(_), b'[' | b'O') => State::Sequence,
                 (State::Sequence, 0x40..=0x7e) => State::Plain,
                 (State::Sequence, _) => State::Sequence,
-                // With the alt key, which makes no difference.
+                // A key with Alt comes after an escape byte; it acts as without Alt.
                 (State::Plain | State::Escaped(_), _) => {
                     keys.extend(key(*byte));
                     State::Plain
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn control_c_is_a_key_and_noise_is_none() {
+    fn control_c_is_a_key_and_other_bytes_are_ignored() {
         let mut decoder = Decoder::default();
         assert_eq!(decoder.keys(b"\xff\x00xyz\x03", Instant::now()), [Key::Quit]);
         assert_eq!(decoder.keys(b"?-_= ", Instant::now()).len(), 5);

@@ -1,23 +1,25 @@
-//! The terminal dashboard.
+//! The dashboard in the terminal.
 //!
 //! ```text
-//! dashboard       an audience: draws ten times a second, and listens to keys
-//! panel           what is on the screen
-//! view            what is known: the overview, and the last minutes
-//! track           a number over time, thinned without losing a peak
-//! screen          the terminal, taken over and given back
-//! keyboard        the keys
-//! stderr_capture  what is written to standard error meanwhile
-//! palette         the colours
+//! dashboard  a sink: draws ten times a second, and reacts to keys
+//! panel      what is on the screen
+//! view       what is drawn: the overview, and the last minutes
+//! envelope   a number over time, reduced without losing a peak
+//! screen     the terminal: its set-up, its frames and its restoration
+//! keyboard   the keys
+//! log_layer  log lines on the dashboard
+//! palette    the colours
+//! error      why the terminal cannot show a dashboard
 //! ```
 
 mod dashboard;
+mod envelope;
+mod error;
 mod keyboard;
+mod log_layer;
 mod palette;
 mod panel;
 mod screen;
-mod stderr_capture;
-mod track;
 mod view;
 
 use std::{
@@ -27,9 +29,9 @@ use std::{
 
 use clap::Args;
 use mtj_model::scenario::BusSettings;
-use mtj_protocol::bus::BusError;
 
-pub use self::dashboard::Dashboard;
+pub use self::{dashboard::Dashboard, error::TerminalError, log_layer::log_layer};
+use crate::error::MonitorError;
 
 /// The options of the terminal dashboard.
 #[derive(Args, Clone, Debug, Default)]
@@ -40,35 +42,26 @@ pub struct TerminalOptions {
 }
 
 impl TerminalOptions {
-    /// Refuses what cannot be, before anything is begun.
-    pub fn check(&self) -> Result<(), BusError> {
-        let refuse = |why: &str| {
-            Err(BusError::Settings(format!(
-                "--tui: the dashboard needs a terminal that can be drawn on, and {why}; without --tui \
-                 there is one line a second"
-            ).into()))
-        };
+    /// Checks that a dashboard that the user asked for can be shown.
+    pub fn check(&self) -> Result<(), TerminalError> {
         if !self.tui {
             Ok(())
         } else if !stdout().is_terminal() {
-            refuse("standard output is none")
+            Err(TerminalError::NotATerminal)
         } else if env::var_os("TERM").is_none_or(|term| term.is_empty() || term == "dumb") {
-            refuse("TERM names none")
+            Err(TerminalError::UnknownTerminal)
         } else {
             Ok(())
         }
     }
 
-    /// Takes over the terminal, if that was asked for.
-    pub fn open(&self, bus: &BusSettings) -> Result<Option<Dashboard>, BusError> {
+    /// Opens the dashboard, if the user asked for it.
+    pub fn open(&self, bus: &BusSettings) -> Result<Option<Dashboard>, MonitorError> {
         if !self.tui {
             return Ok(None);
         }
-        let place = format!("{} over {}", bus.session, bus.kind.name());
-        let dashboard = Dashboard::open(place).map_err(|error| {
-            BusError::Transport(format!("--tui: no terminal to draw on: {error}").into())
-        })?;
-        Ok(Some(dashboard))
+        let session = format!("{} over {}", bus.session, bus.kind.name());
+        Ok(Some(Dashboard::open(session).map_err(TerminalError::Open)?))
     }
 
     /// The same options as arguments for another process.

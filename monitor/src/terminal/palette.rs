@@ -1,17 +1,17 @@
-//! The colours of the terminal, in the middle between dark and light.
+//! The colours of the terminal: legible on dark and on light.
 
 use ratatui::style::{Color, Modifier, Style};
 
-/// The colours, or none of them.
+/// The styles of all tones, with or without colours.
 #[derive(Clone, Copy, Debug)]
-pub struct Palette {
+pub(super) struct Palette {
     coloured: bool,
 }
 
-/// What something is, which decides how it looks.
+/// The meaning of a piece of text or a line, which decides its style.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ink {
-    /// Rules, units, what is not asked for at the moment.
+pub(super) enum Tone {
+    /// Rules, units, side remarks.
     Faint,
     /// Headings and values that matter.
     Strong,
@@ -19,67 +19,67 @@ pub enum Ink {
     Tip,
     /// The desired path and point.
     Desired,
-    /// The law's gauge, and all that is well.
+    /// The law's primary signal, and good states.
     Ok,
     /// Torques and forces.
     Force,
-    /// A knob that was turned.
-    Mark,
-    /// What should not be.
+    /// A change of the running loop.
+    Change,
+    /// Losses and errors.
     Bad,
-    /// A banner about what should not be.
+    /// The banner of an alarm.
     Alarm,
-    /// A banner about what is waited for.
+    /// The banner of a role that is waited for.
     Waiting,
 }
 
 impl Palette {
-    /// Without colour if NO_COLOR is set to anything (see no-color.org).
-    pub fn from_environment() -> Self {
+    /// Without colours if NO_COLOR is set to anything (see no-color.org).
+    pub(super) fn from_environment() -> Self {
         Self { coloured: std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty()) }
     }
 
     /// With or without colours.
     #[cfg(test)]
-    pub fn new(coloured: bool) -> Self {
+    pub(super) fn new(coloured: bool) -> Self {
         Self { coloured }
     }
 
-    /// How something looks. What is told apart by colour is told apart by its shape too.
-    pub fn style(self, ink: Ink) -> Style {
-        let style = match ink {
-            Ink::Strong => Style::new().add_modifier(Modifier::BOLD),
-            Ink::Bad => Style::new().add_modifier(Modifier::BOLD),
-            Ink::Alarm | Ink::Waiting if self.coloured => {
+    /// The style of a tone. Shapes distinguish whatever colours distinguish.
+    pub(super) fn style(self, tone: Tone) -> Style {
+        let style = match tone {
+            Tone::Strong => Style::new().add_modifier(Modifier::BOLD),
+            Tone::Bad => Style::new().add_modifier(Modifier::BOLD),
+            Tone::Alarm | Tone::Waiting if self.coloured => {
                 Style::new().fg(Color::Indexed(231)).add_modifier(Modifier::BOLD)
             }
-            Ink::Alarm | Ink::Waiting => {
+            Tone::Alarm | Tone::Waiting => {
                 Style::new().add_modifier(Modifier::REVERSED | Modifier::BOLD)
             }
             _ => Style::new(),
         };
-        match ink {
+        match tone {
             _ if !self.coloured => style,
-            Ink::Alarm => style.bg(Color::Indexed(160)),
-            Ink::Waiting => style.bg(Color::Indexed(130)),
-            ink => style.fg(self.color(ink)),
+            Tone::Alarm => style.bg(Color::Indexed(160)),
+            Tone::Waiting => style.bg(Color::Indexed(130)),
+            tone => style.fg(self.color(tone)),
         }
     }
 
-    /// Of a line that is drawn. From the 256 colours that look the same in every terminal, whatever
-    /// theme it has, those that stand out from black and from white alike.
-    pub fn color(self, ink: Ink) -> Color {
-        match ink {
+    /// The colour of a tone: one of the 256 that look the same in every terminal and theme, with
+    /// contrast to black and to white.
+    pub(super) fn color(self, tone: Tone) -> Color {
+        match tone {
             _ if !self.coloured => Color::Reset,
-            Ink::Faint => Color::Indexed(244),
-            Ink::Strong => Color::Reset,
-            Ink::Tip => Color::Indexed(32),
-            Ink::Desired => Color::Indexed(130),
-            Ink::Ok => Color::Indexed(29),
-            Ink::Force => Color::Indexed(134),
-            Ink::Mark => Color::Indexed(168),
-            Ink::Bad | Ink::Alarm => Color::Indexed(160),
-            Ink::Waiting => Color::Indexed(130),
+            Tone::Faint => Color::Indexed(244),
+            Tone::Strong => Color::Reset,
+            Tone::Tip => Color::Indexed(32),
+            Tone::Desired => Color::Indexed(130),
+            Tone::Ok => Color::Indexed(29),
+            Tone::Force => Color::Indexed(134),
+            Tone::Change => Color::Indexed(168),
+            Tone::Bad | Tone::Alarm => Color::Indexed(160),
+            Tone::Waiting => Color::Indexed(130),
         }
     }
 }
@@ -113,21 +113,23 @@ mod tests {
     #[test]
     fn every_colour_is_legible_on_dark_and_on_light() {
         let palette = Palette::new(true);
-        for ink in [Ink::Faint, Ink::Tip, Ink::Desired, Ink::Ok, Ink::Force, Ink::Mark, Ink::Bad] {
-            let Color::Indexed(index) = palette.color(ink) else {
-                panic!("{ink:?} follows the theme")
+        for tone in
+            [Tone::Faint, Tone::Tip, Tone::Desired, Tone::Ok, Tone::Force, Tone::Change, Tone::Bad]
+        {
+            let Color::Indexed(index) = palette.color(tone) else {
+                panic!("{tone:?} follows the theme")
             };
             for ground in [0.0, 1.0] {
                 // What WCAG asks of large text and of graphics.
                 let contrast = contrast(luminance(index), ground);
-                assert!(contrast >= 3.0, "{ink:?} on {ground}: {contrast:.2}");
+                assert!(contrast >= 3.0, "{tone:?} on {ground}: {contrast:.2}");
             }
         }
-        for ink in [Ink::Alarm, Ink::Waiting] {
+        for tone in [Tone::Alarm, Tone::Waiting] {
             let Style { fg: Some(Color::Indexed(fg)), bg: Some(Color::Indexed(bg)), .. } =
-                palette.style(ink)
+                palette.style(tone)
             else {
-                panic!("{ink:?} has a ground of its own")
+                panic!("{tone:?} has a ground of its own")
             };
             assert!(contrast(luminance(fg), luminance(bg)) >= 4.5);
         }
@@ -136,7 +138,7 @@ mod tests {
     #[test]
     fn without_colour_a_banner_still_stands_out() {
         let palette = Palette::new(false);
-        let style = palette.style(Ink::Alarm);
+        let style = palette.style(Tone::Alarm);
         assert_eq!((style.fg, style.bg), (None, None));
         assert!(style.add_modifier.contains(Modifier::REVERSED));
     }

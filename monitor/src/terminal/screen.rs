@@ -1,7 +1,7 @@
-//! The terminal, taken over for a while and given back as it was found.
+//! The terminal: set up for a dashboard, and restored afterwards.
 
 use std::{
-    io::{self, IsTerminal, Write, stderr, stdout},
+    io::{self, Write, stdout},
     panic,
     sync::{
         Mutex, Once, PoisonError,
@@ -30,38 +30,33 @@ use rustix::{
     termios::{self, OptionalActions, Termios},
 };
 
-use super::{
-    keyboard::Keyboard,
-    stderr_capture::{Said, StderrCapture},
-};
+use super::{keyboard::Keyboard, log_layer};
 
-/// How often everything is drawn anew, in case another process has written to the terminal.
+/// How often the whole screen is drawn again, in case something else has written to the terminal.
 const REPAINT: Duration = Duration::from_secs(3);
-/// How long a terminal may take to accept the last frame before it is left without more ado.
-const PATIENCE: Duration = Duration::from_secs(1);
+/// How long the terminal may take to accept the last frame before it is restored.
+const TIMEOUT: Duration = Duration::from_secs(1);
 
 /// A full screen to draw on.
 ///
-/// Frames go to the terminal on a thread of their own, and one that is still on its way makes the next
-/// ones wait: a slow line drops frames, not samples.
-pub struct Screen {
+/// A thread of its own writes frames to the terminal. While it writes one, no other is accepted: a
+/// slow line drops frames, not samples.
+pub(super) struct Screen {
     keyboard: Keyboard,
     frames: SyncSender<Vec<u8>>,
-    said: Said,
     shown: Option<Buffer>,
     repaint: Instant,
 }
 
-/// What it takes to give the terminal back.
-struct Taken {
+/// The terminal's settings before the dashboard.
+struct SavedTerminal {
     settings: Termios,
     terminal: Keyboard,
-    stderr_capture: Option<StderrCapture>,
 }
 
-/// The terminal, while it is taken over: there is one, and a panic on any thread must find it.
-static TAKEN: Mutex<Option<Taken>> = Mutex::new(None);
-/// Held while a frame is written; true when there must be no more.
+/// The saved terminal while a dashboard is open; static, because a panic on any thread restores it.
+static SAVED: Mutex<Option<SavedTerminal>> = Mutex::new(None);
+/// Locked while a frame is written; true when no more frames may be written.
 static CLOSED: Mutex<bool> = Mutex::new(false);
 
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
@@ -69,21 +64,19 @@ fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
 }
 
 impl Screen {
-    /// Takes the terminal over.
-    pub fn open() -> io::Result<Self> {
+    /// Saves the terminal's settings and switches to a full screen.
+    pub(super) fn open() -> io::Result<Self> {
         let terminal = Keyboard::open()?;
         let settings = termios::tcgetattr(&terminal)?;
-        give_back_on_panic();
-        let stderr_capture = stderr().is_terminal().then(StderrCapture::catch).transpose()?;
-        let said = stderr_capture.as_ref().map(StderrCapture::said).unwrap_or_default();
+        restore_on_panic();
         *lock(&CLOSED) = false;
         let mut raw = settings.clone();
         raw.make_raw();
-        *lock(&TAKEN) = Some(Taken { settings, terminal: Keyboard::open()?, stderr_capture });
+        *lock(&SAVED) = Some(SavedTerminal { settings, terminal: Keyboard::open()? });
+        log_layer::open();
         let (frames, arriving) = mpsc::sync_channel::<Vec<u8>>(1);
-        let screen =
-            Self { keyboard: terminal, frames, said, shown: None, repaint: Instant::now() };
-        // From here on the screen gives back what was taken when it is dropped.
+        let screen = Self { keyboard: terminal, frames, shown: None, repaint: Instant::now() };
+        // From here on, dropping the screen restores the terminal.
         termios::tcsetattr(&screen.keyboard, OptionalActions::Now, &raw)?;
         let mut out = stdout();
         queue!(out, EnterAlternateScreen, Hide)?;
@@ -100,27 +93,22 @@ impl Screen {
         Ok(screen)
     }
 
-    /// What was typed; `None` when the terminal is gone.
-    pub fn typed(&self) -> Option<Vec<u8>> {
-        self.keyboard.typed()
+    /// The bytes of the keys since the last call; `None` when the terminal is gone.
+    pub(super) fn read_keys(&self) -> Option<Vec<u8>> {
+        self.keyboard.read()
     }
 
-    /// What this process has lately said on standard error.
-    pub fn said(&self) -> &Said {
-        &self.said
-    }
-
-    /// Draws a frame; false when there is no terminal any more to draw on.
-    pub fn draw(&mut self, paint: impl FnOnce(Rect, &mut Buffer)) -> io::Result<bool> {
-        if lock(&TAKEN).is_none() {
-            return Err(io::Error::other("the screen was given back after a panic"));
+    /// Draws a frame; false when the terminal is gone.
+    pub(super) fn draw(&mut self, render: impl FnOnce(Rect, &mut Buffer)) -> io::Result<bool> {
+        if lock(&SAVED).is_none() {
+            return Err(io::Error::other("the screen was closed after a panic"));
         }
         let Ok(size) = termios::tcgetwinsize(stdio::stdout()) else { return Ok(false) };
-        // A terminal that does not know its size has the one terminals have always had.
+        // A terminal that does not know its size gets the traditional one.
         let known = |cells: u16, usual: u16| if cells == 0 { usual } else { cells };
         let area = Rect::new(0, 0, known(size.ws_col, 80), known(size.ws_row, 24));
         let mut next = Buffer::empty(area);
-        paint(area, &mut next);
+        render(area, &mut next);
         let is_whole = self.repaint <= Instant::now();
         let before = self.shown.as_ref().filter(|shown| shown.area == area && !is_whole);
         match self.frames.try_send(frame(before, &next)?) {
@@ -139,12 +127,12 @@ impl Screen {
 
 impl Drop for Screen {
     fn drop(&mut self) {
-        give_back();
+        restore();
     }
 }
 
-/// The bytes that turn one picture into the next, or draw it from nothing.
-pub(super) fn frame(before: Option<&Buffer>, next: &Buffer) -> io::Result<Vec<u8>> {
+/// The bytes that turn one screen content into the next, or draw all of it.
+fn frame(before: Option<&Buffer>, next: &Buffer) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     queue!(bytes, BeginSynchronizedUpdate)?;
     let mut backend = CrosstermBackend::new(&mut bytes);
@@ -159,35 +147,33 @@ pub(super) fn frame(before: Option<&Buffer>, next: &Buffer) -> io::Result<Vec<u8
     Ok(bytes)
 }
 
-fn give_back_on_panic() {
+fn restore_on_panic() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         let report = panic::take_hook();
         panic::set_hook(Box::new(move |panic| {
-            give_back();
+            restore();
             report(panic);
         }));
     });
 }
 
-/// Gives the terminal back, at the first call only.
-fn give_back() {
-    let Some(Taken { settings, terminal, stderr_capture }) = lock(&TAKEN).take() else { return };
-    // A terminal that takes nothing in cannot be told to leave the screen either.
-    if frames_have_stopped() {
+/// Restores the terminal; a second call does nothing.
+fn restore() {
+    let Some(SavedTerminal { settings, terminal }) = lock(&SAVED).take() else { return };
+    // A terminal that accepts no frame accepts no other bytes either.
+    if stop_frames() {
         let mut out = stdout();
         let _ = queue!(out, EndSynchronizedUpdate, ResetColor, LeaveAlternateScreen, Show);
         let _ = out.flush();
     }
     let _ = termios::tcsetattr(&terminal, OptionalActions::Now, &settings);
-    if let Some(stderr_capture) = stderr_capture {
-        stderr_capture.release();
-    }
+    log_layer::close();
 }
 
-/// Waits until no frame is being written, for a bounded time, and lets no more through.
-fn frames_have_stopped() -> bool {
-    let end = Instant::now() + PATIENCE;
+/// Waits, not for long, until no frame is being written; then no more are written.
+fn stop_frames() -> bool {
+    let end = Instant::now() + TIMEOUT;
     while Instant::now() < end {
         if let Ok(mut closed) = CLOSED.try_lock() {
             *closed = true;
@@ -224,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_turns_what_is_shown_into_what_should_be() {
+    fn a_frame_turns_one_content_into_the_next() {
         let mut terminal = terminal();
         let first = picture(12, 3, &[(0, 0, "t 1.00 s"), (3, 2, "k 0.9")]);
         terminal.process(&frame(None, &first).unwrap());
@@ -233,11 +219,11 @@ mod tests {
         terminal.process(&frame(Some(&first), &second).unwrap());
         assert_eq!(rows(&terminal), ["t 2.00 s", "   e ⣿", ""]);
         let nothing = String::from_utf8(frame(Some(&second), &second).unwrap()).unwrap();
-        assert!(!nothing.contains('s'), "what stays is not sent again: {nothing:?}");
+        assert!(!nothing.contains('s'), "unchanged cells are not sent again: {nothing:?}");
     }
 
     #[test]
-    fn a_whole_frame_covers_what_others_have_written() {
+    fn a_whole_frame_replaces_what_others_have_written() {
         let mut terminal = terminal();
         let shown = picture(12, 3, &[(0, 0, "t 1.00 s")]);
         terminal.process(&frame(None, &shown).unwrap());

@@ -1,36 +1,32 @@
-//! Where the dashboard is served.
+//! The address at which the dashboard is served.
 
 use std::{
     io::{self, ErrorKind},
     net::{SocketAddr, TcpListener, ToSocketAddrs},
 };
 
-use mtj_protocol::bus::BusError;
+use super::error::WebError;
 
-/// Where it is served unless the user says otherwise.
-pub const DEFAULT: &str = "127.0.0.1:8080";
-/// How many ports are tried, one after the other, until one is free.
+/// The address without another choice of the user.
+pub(super) const DEFAULT: &str = "127.0.0.1:8080";
+/// How many ports are tried, one after the other.
 const ATTEMPTS: u16 = 20;
 
-/// `HOST:PORT` as the user wrote it; either may be left out.
+/// `HOST:PORT` as the user wrote it; host or port may be missing.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Address {
-    /// A name or an address.
+pub(super) struct Address {
+    /// A name or an IP address.
     pub host: String,
-    /// 0 for any that is free.
+    /// 0 for any free port.
     pub port: u16,
 }
 
 impl Address {
     /// Reads an address.
-    pub fn parse(text: &str) -> Result<Self, BusError> {
-        let refuse = || {
-            BusError::Settings(
-                format!("--web: '{text}' is no address; expected HOST:PORT, like {DEFAULT}").into(),
-            )
-        };
+    pub(super) fn parse(text: &str) -> Result<Self, WebError> {
+        let error = || WebError::Address { text: text.to_owned() };
         let (host, port) = match text.rsplit_once(':') {
-            // The colons of an address without brackets do not end in a port.
+            // An IPv6 address without brackets: its last part is not a port.
             Some((host, _)) if host.contains(':') && !host.ends_with(']') => (text, "8080"),
             Some((host, port)) => (host, port),
             None if text.bytes().all(|byte| byte.is_ascii_digit()) => ("", text),
@@ -40,47 +36,39 @@ impl Address {
         let host = if host.is_empty() { "127.0.0.1" } else { host };
         let is_host = |byte: u8| byte.is_ascii_alphanumeric() || b".-_:%".contains(&byte);
         if !host.bytes().all(is_host) {
-            return Err(refuse());
+            return Err(error());
         }
-        Ok(Self { host: host.to_owned(), port: port.parse().map_err(|_| refuse())? })
+        Ok(Self { host: host.to_owned(), port: port.parse().map_err(|_| error())? })
     }
 
-    /// Listens there, or at the next port that is free.
-    pub fn listen(&self) -> Result<TcpListener, BusError> {
+    /// Listens at the port, or at the next free one.
+    pub(super) fn listen(&self) -> Result<TcpListener, WebError> {
         let last = self.port.saturating_add(if self.port == 0 { 0 } else { ATTEMPTS - 1 });
         for port in self.port..=last {
             match self.listen_at(port) {
                 Ok(listener) => return Ok(listener),
                 Err(error) if error.kind() == ErrorKind::AddrInUse => {}
-                Err(error) => {
-                    return Err(BusError::Settings(format!(
-                        "--web: cannot listen on {} port {port} ({error}); give another address, \
-                         like {DEFAULT}",
-                        self.host
-                    ).into()));
+                Err(source) => {
+                    return Err(WebError::Listen { host: self.host.clone(), port, source });
                 }
             }
         }
-        Err(BusError::Settings(format!(
-            "--web: all ports from {} to {last} of {} are in use; give another address, or port 0 \
-             for any that is free",
-            self.port, self.host
-        ).into()))
+        Err(WebError::PortsInUse { host: self.host.clone(), first: self.port, last })
     }
 
     fn listen_at(&self, port: u16) -> io::Result<TcpListener> {
-        let mut refused = io::Error::from(ErrorKind::NotFound);
+        let mut last_error = io::Error::from(ErrorKind::NotFound);
         for address in (self.host.as_str(), port).to_socket_addrs()? {
             match TcpListener::bind(address) {
                 Ok(listener) => return Ok(listener),
-                Err(error) => refused = error,
+                Err(error) => last_error = error,
             }
         }
-        Err(refused)
+        Err(last_error)
     }
 
-    /// What to type into a browser on this machine to get to a server that listens at `local`.
-    pub fn url(&self, local: SocketAddr) -> String {
+    /// The URL for a browser on this machine, of a server that listens at `local`.
+    pub(super) fn url(&self, local: SocketAddr) -> String {
         let port = local.port();
         if local.ip().is_unspecified() {
             return format!("http://127.0.0.1:{port}/");
@@ -97,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn host_and_port_may_each_be_left_out() {
+    fn host_and_port_may_be_missing() {
         for (text, host, port) in [
             ("127.0.0.1:8080", "127.0.0.1", 8080),
             ("9000", "127.0.0.1", 9000),
@@ -107,11 +95,8 @@ mod tests {
             ("[::1]:81", "::1", 81),
             ("::1", "::1", 8080),
         ] {
-            assert_eq!(
-                Address::parse(text).unwrap(),
-                Address { host: host.to_owned(), port },
-                "{text}"
-            );
+            let expected = Address { host: host.to_owned(), port };
+            assert_eq!(Address::parse(text).unwrap(), expected, "{text}");
         }
         for text in ["127.0.0.1:99999", "http://127.0.0.1:8080", "a b:1", "localhost:http", "99999"]
         {

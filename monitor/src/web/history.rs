@@ -1,117 +1,120 @@
-//! The last minutes, thinned so that no peak is ever lost.
+//! The last ten minutes of all series, reduced without losing a peak.
 //!
-//! Run time is cut into bins of 10 ms; of all samples of a series that fall into one bin the
-//! smallest and the largest are kept. Ten minutes are kept, however fast they passed.
+//! Run time is divided into bins of 10 ms. Each bin keeps the minimum and the maximum of each
+//! series.
 
 use std::collections::VecDeque;
 
 /// The width of a bin, ns of run time.
-pub const WIDTH_NS: u64 = 10_000_000;
+pub(super) const WIDTH_NS: u64 = 10_000_000;
 /// How many bins of run time are kept: ten minutes.
 const KEPT: u64 = 60_000;
 
-/// The smallest and the largest sample of a series in a bin; not a number where there is none.
+/// Minimum and maximum of a series in a bin; NaN without samples.
 #[derive(Clone, Copy, Debug)]
-pub struct Range {
-    /// The smallest.
+pub(super) struct Range {
+    /// The minimum.
     pub min: f32,
-    /// The largest.
+    /// The maximum.
     pub max: f32,
 }
 
 impl Range {
     const EMPTY: Self = Self { min: f32::NAN, max: f32::NAN };
 
-    // `min` and `max` of a number and of what is none give the number.
+    // `min` and `max` of a number and NaN give the number.
     fn add(&mut self, other: Self) {
         self.min = self.min.min(other.min);
         self.max = self.max.max(other.max);
     }
 
     /// Whether there is no sample.
-    pub fn is_empty(self) -> bool {
+    pub(super) fn is_empty(self) -> bool {
         self.min.is_nan()
     }
 }
 
 /// All series over one bin's time.
 #[derive(Clone, Debug)]
-pub struct Bin {
-    /// Which one, counted from the beginning of the run.
-    pub place: u64,
-    /// One for each series.
+pub(super) struct Bin {
+    /// Counted from the start of the run.
+    pub number: u64,
+    /// One range for each series.
     pub ranges: Box<[Range]>,
 }
 
 /// The bins of the last ten minutes of a run that have samples.
 #[derive(Default)]
-pub struct History {
+pub(super) struct History {
     series: usize,
     bins: VecDeque<Bin>,
 }
 
 impl History {
-    /// Of so many series.
-    pub fn new(series: usize) -> Self {
+    /// An empty history of a number of series.
+    pub(super) fn new(series: usize) -> Self {
         Self { series, bins: VecDeque::new() }
     }
 
     /// How many series there are.
-    pub fn series(&self) -> usize {
+    pub(super) fn series(&self) -> usize {
         self.series
     }
 
-    /// Counts one sample of a series.
-    pub fn add(&mut self, time_ns: u64, series: usize, value: f64) {
-        // Rounding keeps the order, so the largest is still the largest.
+    /// Adds one sample of a series.
+    pub(super) fn add(&mut self, time_ns: u64, series: usize, value: f64) {
+        // Rounding is monotonic: the maximum stays the maximum.
         let value = value as f32;
         if let Some(bin) = self.bin(time_ns / WIDTH_NS) {
             bin.ranges[series].add(Range { min: value, max: value });
         }
     }
 
-    /// The bin of that place; `None` if it is too long ago.
-    fn bin(&mut self, place: u64) -> Option<&mut Bin> {
-        let newest = self.bins.back().map(|bin| bin.place);
-        if newest.is_some_and(|newest| newest >= place + KEPT) {
+    /// The bin of a number; `None` if it is too old.
+    fn bin(&mut self, number: u64) -> Option<&mut Bin> {
+        let newest = self.bins.back().map(|bin| bin.number);
+        if newest.is_some_and(|newest| newest >= number + KEPT) {
             return None;
         }
-        let index = match newest {
-            Some(newest) if newest == place => self.bins.len() - 1,
-            Some(newest) if newest > place => self.index(place),
+        let mut index = match newest {
+            Some(newest) if newest == number => self.bins.len() - 1,
+            Some(newest) if newest > number => self.index(number),
             _ => self.bins.len(),
         };
-        if self.bins.get(index).is_none_or(|bin| bin.place != place) {
+        if self.bins.get(index).is_none_or(|bin| bin.number != number) {
             let ranges = vec![Range::EMPTY; self.series].into();
-            self.bins.insert(index, Bin { place, ranges });
+            self.bins.insert(index, Bin { number, ranges });
         }
-        let mut index = index;
-        while self.bins.front().is_some_and(|oldest| oldest.place + KEPT <= place) {
+        while self.bins.front().is_some_and(|oldest| oldest.number + KEPT <= number) {
             self.bins.pop_front();
             index -= 1;
         }
         self.bins.get_mut(index)
     }
 
-    /// Of the first bin that is not before a place.
-    fn index(&self, place: u64) -> usize {
-        self.bins.partition_point(|bin| bin.place < place)
+    /// The index of the first bin whose number is not below `number`.
+    fn index(&self, number: u64) -> usize {
+        self.bins.partition_point(|bin| bin.number < number)
     }
 
-    /// The bins from one place to before another.
-    pub fn between(&self, from: u64, to: u64) -> impl ExactSizeIterator<Item = &Bin> + Clone {
+    /// The bins from number `from` up to and without `to`.
+    pub(super) fn between(
+        &self,
+        from: u64,
+        to: u64,
+    ) -> impl ExactSizeIterator<Item = &Bin> + Clone {
         let end = self.index(to);
         self.bins.range(self.index(from).min(end)..end)
     }
 }
 
-/// Merges neighbours so that each of the results spans `span` bins, counted from `first`.
-pub fn merge(bins: impl Iterator<Item = Bin>, first: u64, span: u64) -> Vec<Bin> {
+/// Merges each `span` neighbouring bins, counted from `first`, into one.
+pub(super) fn merge(bins: impl Iterator<Item = Bin>, first: u64, span: u64) -> Vec<Bin> {
     let mut merged: Vec<Bin> = Vec::new();
     for bin in bins {
-        let place = first + bin.place.saturating_sub(first) / span * span;
-        match merged.last_mut().filter(|last| last.place == place) {
-            None => merged.push(Bin { place, ..bin }),
+        let number = first + bin.number.saturating_sub(first) / span * span;
+        match merged.last_mut().filter(|last| last.number == number) {
+            None => merged.push(Bin { number, ..bin }),
             Some(last) => {
                 for (range, more) in last.ranges.iter_mut().zip(&bin.ranges) {
                     range.add(*more);
@@ -157,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn thinning_at_10_khz_keeps_every_peak() {
+    fn binning_at_10_khz_keeps_every_peak() {
         for seed in 1..6 {
             let samples = samples(seed);
             let mut history = History::new(5);
@@ -166,7 +169,7 @@ mod tests {
             }
             assert_eq!(history.between(0, u64::MAX).len(), 200);
             for bin in history.between(0, u64::MAX) {
-                let from = bin.place * WIDTH_NS;
+                let from = bin.number * WIDTH_NS;
                 let found = (bin.ranges[3].min, bin.ranges[3].max);
                 assert_eq!(extremes(&samples, from, from + WIDTH_NS), Some(found), "seed {seed}");
                 assert!(bin.ranges[4].is_empty());
@@ -185,7 +188,7 @@ mod tests {
             let merged = merge(history.between(3, 190).cloned(), 3, span);
             assert_eq!(merged.len() as u64, 187_u64.div_ceil(span));
             for bin in merged {
-                let (from, to) = (bin.place, (bin.place + span).min(190));
+                let (from, to) = (bin.number, (bin.number + span).min(190));
                 let found = (bin.ranges[0].min, bin.ranges[0].max);
                 assert_eq!(extremes(&samples, from * WIDTH_NS, to * WIDTH_NS), Some(found));
             }
@@ -198,11 +201,11 @@ mod tests {
         for second in 0..3000 {
             history.add(second * 1_000_000_000, 0, second as f64);
         }
-        let kept: Vec<u64> = history.between(0, u64::MAX).map(|bin| bin.place).collect();
+        let kept: Vec<u64> = history.between(0, u64::MAX).map(|bin| bin.number).collect();
         assert_eq!((kept.len(), kept[0], kept[599]), (600, 240_000, 299_900));
         history.add(0, 0, 1.0);
-        assert_eq!(history.between(0, u64::MAX).len(), 600, "what is too old is not kept");
+        assert_eq!(history.between(0, u64::MAX).len(), 600, "a sample that is too old is not kept");
         history.add(2_999_000_000_000 + 3_600_000_000_000, 0, 1.0);
-        assert_eq!(history.between(0, u64::MAX).len(), 1, "a leap leaves nothing behind");
+        assert_eq!(history.between(0, u64::MAX).len(), 1, "a jump of time leaves no old bins");
     }
 }

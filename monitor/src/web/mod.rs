@@ -1,63 +1,66 @@
 //! The dashboard in a browser, served by the monitor itself.
 //!
 //! ```text
-//! series    the numbers that are plotted, and which of them a message contributes
-//! history   the last minutes of them, thinned without losing a peak
-//! board     what all dashboards look at: filled by the monitor's loop, read by the server
-//! frame     what is on the board as JSON
-//! live      frames to dashboards, twenty times a second
-//! guard     who may look, and who may turn knobs
-//! knobs     knobs turned over HTTP
-//! page      the page's own files
-//! server    routes and connections
-//! address   where it listens
+//! series     the numbers that are plotted, and which of them a message contributes
+//! history    the last minutes of them: minimum and maximum of each bin
+//! store      what dashboards show: filled by the monitor's loop, read by the server
+//! page_json  the messages to a page, as JSON
+//! broadcast  sends updates of the store to all dashboards, twenty times a second
+//! access     who may watch, and who may send requests
+//! requests   requests over HTTP
+//! page       the page's own files
+//! server     routes and connections
+//! address    the address at which it listens
+//! browser    opens the page in the user's browser
+//! error      why the dashboard cannot be served
 //! ```
 //!
-//! The monitor's loop only counts samples into bins, under a lock that is never held for long. Text
-//! and sockets are the business of the server's own thread.
+//! The monitor's loop only counts samples into bins, under a lock that is held for moments. The
+//! server's own thread makes the text and writes to the sockets.
 
+mod access;
 mod address;
-mod board;
+mod broadcast;
 mod browser;
-mod frame;
-mod guard;
+mod error;
 mod history;
-mod knobs;
-mod live;
 mod page;
+mod page_json;
+mod requests;
 mod series;
 mod server;
+mod store;
 
 use std::{
-    io,
+    fmt, io,
     net::{SocketAddr, TcpListener},
     thread,
 };
 
 use clap::Args;
 use mtj_model::scenario::BusSettings;
-use mtj_protocol::{
-    bus::{Bus, BusError},
-    port::Message,
-};
+use mtj_protocol::{bus::Bus, port::Message};
 use socket2::SockRef;
 use tokio::sync::oneshot;
+use tracing::{info, warn};
 
+pub use self::error::WebError;
 use self::{
+    access::{AccessControl, Token},
     address::Address,
-    guard::{Guard, Token},
-    live::{Live, Shared},
+    broadcast::{Broadcaster, SharedStore},
     server::Server,
 };
 use crate::{
-    desk::{Counter, Desk},
-    monitor::Audience,
+    error::MonitorError,
+    monitor::Sink,
+    requests::{RequestHandle, RequestQueue},
 };
 
-/// How much of what is sent to a dashboard may wait to be taken: a few seconds' worth.
+/// How many bytes may wait in the kernel for one dashboard: a few seconds of data.
 const SEND_BUFFER: usize = 128 * 1024;
 
-/// The dashboard's part of a command line.
+/// The options of the dashboard.
 #[derive(Args, Clone, Debug, Default)]
 pub struct WebOptions {
     /// Serve a dashboard to browsers at this address, or at the next port that is free
@@ -77,7 +80,7 @@ pub struct WebOptions {
 }
 
 impl WebOptions {
-    /// Serves the dashboard where nobody has said where.
+    /// Serves the dashboard at the default address unless the user has given one.
     pub fn wanted(mut self) -> Self {
         self.web.get_or_insert_with(|| address::DEFAULT.to_owned());
         self
@@ -91,132 +94,142 @@ impl WebOptions {
         address.chain(open).chain(read_only).collect()
     }
 
-    /// Takes the address, before anything else is begun; `None` if no dashboard is wanted.
-    pub fn listen(&self) -> Result<Option<Reception>, BusError> {
+    /// Listens at the address, so that an error comes before anything else starts; `None` if the
+    /// user wants no dashboard.
+    pub fn listen(&self) -> Result<Option<WebListener>, WebError> {
         let wanted = self.web.as_deref().or(self.open.then_some(address::DEFAULT));
         let Some(text) = wanted else { return Ok(None) };
         let address = Address::parse(text)?;
         let listener = address.listen()?;
         let token = match self.read_only {
             true => None,
-            false => Some(Token::draw().map_err(|error| {
-                BusError::Transport(format!("no random numbers for a token: {error}").into())
-            })?),
+            false => Some(Token::new().map_err(WebError::Token)?),
         };
-        Ok(Some(Reception { address, listener, token, open: self.open }))
+        Ok(Some(WebListener { address, listener, token, open: self.open }))
     }
 }
 
-/// Which session a dashboard shows.
+/// The session that a dashboard shows.
 #[derive(Clone, Debug)]
-pub struct Place {
+pub struct SessionInfo {
     /// Its name.
     pub session: String,
-    /// The bus it is on.
+    /// The name of its bus.
     pub bus: String,
 }
 
-impl From<&BusSettings> for Place {
+impl From<&BusSettings> for SessionInfo {
     fn from(settings: &BusSettings) -> Self {
         Self { session: settings.session.clone(), bus: settings.kind.name().to_owned() }
     }
 }
 
-/// An address where a dashboard will be served.
-pub struct Reception {
+/// A socket that listens, without a dashboard yet.
+#[derive(Debug)]
+pub struct WebListener {
     address: Address,
     listener: TcpListener,
     token: Option<Token>,
     open: bool,
 }
 
-impl Reception {
-    /// Where it listens, once a port was found.
+impl WebListener {
+    /// The address at which it listens.
     pub fn address(&self) -> io::Result<SocketAddr> {
         self.listener.local_addr()
     }
 
-    /// Serves a dashboard of a bus, with knobs if they are wanted, to what it adds to an audience.
-    pub fn join<'a>(
+    /// Adds a dashboard to the sinks of a monitor; unless it is read-only, it can send requests to
+    /// the plant over `bus`.
+    pub fn serve_bus<'a>(
         self,
         bus: &impl Bus,
-        place: &Place,
-        audience: &mut Vec<Box<dyn Audience + 'a>>,
-    ) -> Result<(), BusError> {
-        let counter = match self.token {
-            None => None,
-            Some(_) => {
-                let (desk, counter) = Desk::open(bus)?;
-                audience.push(Box::new(desk));
-                Some(counter)
-            }
-        };
-        audience.push(Box::new(self.serve(place, counter)?));
+        session: &SessionInfo,
+        sinks: &mut Vec<Box<dyn Sink + 'a>>,
+    ) -> Result<(), MonitorError> {
+        let mut requests = None;
+        if self.token.is_some() {
+            let (queue, handle) = RequestQueue::open(bus)?;
+            sinks.push(Box::new(queue));
+            requests = Some(handle);
+        }
+        sinks.push(Box::new(self.serve(session, requests)?));
         Ok(())
     }
 
-    /// Serves a dashboard of whatever the result hears; without a counter it has no knobs.
-    pub fn serve(self, place: &Place, counter: Option<Counter>) -> Result<Dashboards, BusError> {
-        let failed =
-            |error: io::Error| BusError::Transport(format!("--web: cannot serve: {error}").into());
+    /// Serves a dashboard of all messages that the result gets; without `requests` it is read-only.
+    pub fn serve(
+        self,
+        session: &SessionInfo,
+        requests: Option<RequestHandle>,
+    ) -> Result<WebDashboard, WebError> {
         let Self { address, listener, token, open } = self;
-        let token = token.filter(|_| counter.is_some());
-        let local = listener.local_addr().map_err(failed)?;
+        let token = token.filter(|_| requests.is_some());
+        let local = listener.local_addr().map_err(WebError::Serve)?;
         let url = address.url(local) + &fragment(token.as_ref());
-        let runtime =
-            tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(failed)?;
-        listener.set_nonblocking(true).map_err(failed)?;
-        // What a dashboard does not read must not pile up in the kernel either.
-        SockRef::from(&listener).set_send_buffer_size(SEND_BUFFER).map_err(failed)?;
-        let listener = {
-            let _entered = runtime.enter();
-            tokio::net::TcpListener::from_std(listener).map_err(failed)?
-        };
-        let board = Shared::default();
-        let hello = frame::hello(place, token.is_none());
-        let live = Live::new(board.clone(), hello);
-        let server = Server { guard: Guard { name: address.host, token }, counter, live };
-        let (until, stopped) = oneshot::channel::<()>();
-        let serve = move || {
-            runtime.block_on(async {
-                tokio::select! { () = server.serve(listener) => {}, _ = stopped => {} }
-            });
-        };
-        thread::Builder::new().name("dashboards".to_owned()).spawn(serve).map_err(failed)?;
-        eprintln!("mtj monitor: dashboard at {url}");
+        let store = SharedStore::default();
+        let hello = page_json::hello(session, token.is_none());
+        let live = Broadcaster::new(store.clone(), hello);
+        let access = AccessControl { name: address.host, token };
+        let stop = start(listener, Server { access, requests, live }).map_err(WebError::Serve)?;
+        info!("dashboard at {url}");
         if !local.ip().is_loopback() {
-            eprintln!(
-                "mtj monitor: anybody who reaches {local} over the network can watch; knobs take the token"
-            );
+            warn!("anybody who reaches {local} over the network can watch; knobs take the token");
         }
         if open {
             browser::open(&url);
         }
-        Ok(Dashboards { board, _until: until })
+        Ok(WebDashboard { store, _stop: stop })
     }
 }
 
-/// The part of the address that a browser keeps to itself.
+/// Starts the server on a thread of its own; it ends when the result is dropped.
+fn start(listener: TcpListener, server: Server) -> io::Result<oneshot::Sender<()>> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    listener.set_nonblocking(true)?;
+    // Data that a dashboard does not read must not pile up in the kernel.
+    SockRef::from(&listener).set_send_buffer_size(SEND_BUFFER)?;
+    let listener = {
+        let _entered = runtime.enter();
+        tokio::net::TcpListener::from_std(listener)?
+    };
+    let (stop, stopped) = oneshot::channel::<()>();
+    let serve = move || {
+        runtime.block_on(async {
+            tokio::select! { () = server.serve(listener) => {}, _ = stopped => {} }
+        });
+    };
+    thread::Builder::new().name("dashboards".to_owned()).spawn(serve)?;
+    Ok(stop)
+}
+
+/// The token as a fragment of the URL: browsers do not send fragments to servers.
 fn fragment(token: Option<&Token>) -> String {
-    token.map(|token| format!("#token={}", token.words())).unwrap_or_default()
+    token.map(|token| format!("#token={}", token.as_str())).unwrap_or_default()
 }
 
-/// All dashboards: they hear what is said as long as this lives.
-pub struct Dashboards {
-    board: Shared,
+/// A sink whose messages all connected dashboards show, until it is dropped.
+pub struct WebDashboard {
+    store: SharedStore,
     /// The server ends when this is dropped.
-    _until: oneshot::Sender<()>,
+    _stop: oneshot::Sender<()>,
 }
 
-impl Dashboards {
-    /// What dashboards would show, if there were any: no server, no address.
-    pub fn unseen() -> Self {
-        Self { board: Shared::default(), _until: oneshot::channel().0 }
+impl fmt::Debug for WebDashboard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("WebDashboard").finish_non_exhaustive()
     }
 }
 
-impl Audience for Dashboards {
-    fn hear(&mut self, message: &Message) {
-        self.board.lock().hear(message);
+impl WebDashboard {
+    /// A dashboard without a server, for tests of what it does with messages.
+    pub fn detached() -> Self {
+        Self { store: SharedStore::default(), _stop: oneshot::channel().0 }
+    }
+}
+
+impl Sink for WebDashboard {
+    fn handle(&mut self, message: &Message) {
+        self.store.lock().handle(message);
     }
 }

@@ -38,9 +38,9 @@ files! {
 }
 
 /// A route for each of the page's files.
-pub fn routes<S: Clone + Send + Sync + 'static>() -> Router<S> {
+pub(super) fn routes<S: Clone + Send + Sync + 'static>() -> Router<S> {
     let mut router = Router::new()
-        // Asked for by browsers on their own; an error would show up in their consoles.
+        // Browsers request it on their own and log an error if it is missing.
         .route("/favicon.ico", get(|| async { StatusCode::NO_CONTENT }));
     for (name, text) in FILES {
         let respond =

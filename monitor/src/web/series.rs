@@ -1,4 +1,4 @@
-//! The numbers that are plotted, and which of them a message contributes.
+//! The series that are plotted, and which numbers a message contributes to them.
 
 use std::sync::Arc;
 
@@ -12,11 +12,11 @@ use mtj_protocol::{
     sample::{ErrorSample, Name, StateSample, StatusSample, TorqueSample, text},
 };
 
-use crate::overview::{period_deviation_ns, tells_of_another_torque};
+use crate::overview::{period_deviation_ns, reports_new_torque};
 
-/// Where the series of each quantity stand.
+/// The indices of the series of each quantity.
 #[derive(Debug, Default)]
-pub struct Table {
+pub(super) struct SeriesIndex {
     names: Vec<String>,
     /// Desired − measured at the state's own time stamp, for each task axis.
     error: Vec<usize>,
@@ -32,15 +32,15 @@ pub struct Table {
     residence: usize,
     /// Sample instant to application of the last applied command, ms.
     latency: usize,
-    /// By how much a sample period differed from what it should be, µs.
+    /// Deviation of a sample period from the nominal one, µs.
     period_deviation: usize,
-    /// Commands that never came, so far.
+    /// Number of commands that never came.
     lost: usize,
-    /// Commands that came late, so far.
+    /// Number of commands that came late.
     late: usize,
-    /// Torque samples that were not acceptable, so far.
+    /// Number of torque samples that the plant rejected.
     rejected: usize,
-    /// Sampling instants missed, so far.
+    /// Number of deadline misses.
     misses: usize,
     /// The measured tip, m.
     tip: Vec<usize>,
@@ -49,7 +49,7 @@ pub struct Table {
     laws: Vec<LawSeries>,
 }
 
-/// The series of each number of a law's echo and signals, in the order of the wire.
+/// The series of the numbers of a law's echo and signals, in the order of the wire.
 #[derive(Debug)]
 struct LawSeries {
     name: Name,
@@ -57,12 +57,12 @@ struct LawSeries {
     signals: Vec<usize>,
 }
 
-impl Table {
+impl SeriesIndex {
     fn new(scenario: &Scenario, scene: &Scene) -> Self {
         let (joints, axes) = (scenario.arm.links.len(), scene.task().axes.len());
         let mut names = Vec::new();
         let mut one = |name: &str| add(&mut names, name.to_owned());
-        let mut table = Self {
+        let mut index = Self {
             error_norm: one("error.norm"),
             law_error_norm: one("law_error.norm"),
             round_trip: one("round_trip"),
@@ -78,28 +78,28 @@ impl Table {
         let mut list = |key: &str, count: usize| -> Vec<usize> {
             (0..count).map(|i| add(&mut names, format!("{key}.{i}"))).collect()
         };
-        table.error = list("error", axes);
-        table.torque = list("torque", joints);
-        table.tip = list("tip", scene.dimensions());
-        table.true_tip = list("true_tip", scene.dimensions());
+        index.error = list("error", axes);
+        index.torque = list("torque", joints);
+        index.tip = list("tip", scene.dimensions());
+        index.true_tip = list("true_tip", scene.dimensions());
         let mut signal = |signal: &Signal| list(signal.key, signal.per.count(joints, axes));
-        table.laws.extend(LAWS.iter().map(|law| LawSeries {
+        index.laws.extend(LAWS.iter().map(|law| LawSeries {
             name: text(law.name),
             echo: signal(&law.echo),
             signals: law.signals.iter().flat_map(&mut signal).collect(),
         }));
-        table.names = names;
-        table
+        index.names = names;
+        index
     }
 
     /// The names of all series.
-    pub fn names(&self) -> &[String] {
+    pub(super) fn names(&self) -> &[String] {
         &self.names
     }
 
-    /// The place of a series.
+    /// The index of a series.
     #[cfg(test)]
-    pub fn place(&self, name: &str) -> usize {
+    pub(super) fn position(&self, name: &str) -> usize {
         self.names.iter().position(|known| known == name).unwrap()
     }
 
@@ -108,7 +108,7 @@ impl Table {
     }
 }
 
-/// The place of a name, at the end if it is new: laws share what they call the same.
+/// The index of a name, which is added if it is new: laws share series of the same name.
 fn add(names: &mut Vec<String>, name: String) -> usize {
     names.iter().position(|known| *known == name).unwrap_or_else(|| {
         names.push(name);
@@ -116,48 +116,48 @@ fn add(names: &mut Vec<String>, name: String) -> usize {
     })
 }
 
-/// Reads numbers off messages.
+/// Extracts the plotted numbers from messages.
 #[derive(Default)]
-pub struct Readings {
+pub(super) struct SeriesReader {
     scene: Option<Scene>,
-    table: Arc<Table>,
+    index: Arc<SeriesIndex>,
     law: Name,
     before: Option<StateSample>,
 }
 
-impl Readings {
-    /// From now on messages are about this scenario.
-    pub fn follow(&mut self, scenario: &Scenario) {
+impl SeriesReader {
+    /// Sets the scenario of the following messages.
+    pub(super) fn set_scenario(&mut self, scenario: &Scenario) {
         let scene = Scene::new(scenario);
-        self.table = Arc::new(Table::new(scenario, &scene));
+        self.index = Arc::new(SeriesIndex::new(scenario, &scene));
         self.scene = Some(scene);
         self.law = text(scenario.law.law.description().name);
     }
 
-    /// The scene of the scenario, once that is known.
-    pub fn scene(&self) -> Option<&Scene> {
+    /// The scene of the scenario; `None` before the first scenario.
+    pub(super) fn scene(&self) -> Option<&Scene> {
         self.scene.as_ref()
     }
 
-    /// The series, of which there are none before a scenario is known.
-    pub fn table(&self) -> &Arc<Table> {
-        &self.table
+    /// The series; empty before the first scenario.
+    pub(super) fn index(&self) -> &Arc<SeriesIndex> {
+        &self.index
     }
 
-    /// Hands over all numbers that a message holds, each with the place of its series.
-    pub fn read(&mut self, message: &Message, put: &mut dyn FnMut(usize, f64)) {
+    /// Passes all plotted numbers of a message to `put`, each with the index of its series.
+    pub(super) fn read(&mut self, message: &Message, put: &mut dyn FnMut(usize, f64)) {
         let Some(scene) = &self.scene else { return };
         match message {
             Message::State(state) => {
-                read_state(&self.table, scene, self.before.as_ref(), state, put);
+                read_state(&self.index, scene, self.before.as_ref(), state, put);
                 self.before = Some(*state);
             }
-            Message::Torque(torque) => read_torque(&self.table, &self.law, torque, put),
+            Message::Torque(torque) => read_torque(&self.index, &self.law, torque, put),
             Message::Error(error) => {
                 self.law = error.law;
-                read_error(&self.table, error, put);
+                read_error(&self.index, error, put);
             }
-            Message::Status(status) => read_status(&self.table, scene, status, put),
+            Message::Status(status) => read_status(&self.index, scene, status, put),
             Message::Scenario(_)
             | Message::Request(_)
             | Message::Change(_)
@@ -167,57 +167,62 @@ impl Readings {
 }
 
 fn read_state(
-    table: &Table,
+    index: &SeriesIndex,
     scene: &Scene,
     before: Option<&StateSample>,
     state: &StateSample,
     put: &mut dyn FnMut(usize, f64),
 ) {
-    // Stamps are zero before there was anything to time.
+    // Times are zero before the first torque.
     let mut put_ns = |series: usize, ns: u64, unit: f64| {
         if ns > 0 {
             put(series, ns as f64 / unit);
         }
     };
-    if before.is_none_or(|before| tells_of_another_torque(before, state)) {
-        put_ns(table.round_trip, state.round_trip_ns, 1e3);
-        put_ns(table.residence, state.residence_ns, 1e3);
+    if before.is_none_or(|before| reports_new_torque(before, state)) {
+        put_ns(index.round_trip, state.round_trip_ns, 1e3);
+        put_ns(index.residence, state.residence_ns, 1e3);
     }
-    put_ns(table.latency, state.latency_ns, 1e6);
+    put_ns(index.latency, state.latency_ns, 1e6);
     if let Some(deviation) = before.and_then(|before| period_deviation_ns(before, state)) {
-        put(table.period_deviation, deviation as f64 / 1e3);
+        put(index.period_deviation, deviation as f64 / 1e3);
     }
     let error = scene.error(state.header.time_ns as f64 * 1e-9, &state.position);
-    put_list(put, &table.error, &error);
-    put(table.error_norm, norm(&error));
-    put_list(put, &table.tip, &scene.tip(&state.position));
+    put_list(put, &index.error, &error);
+    put(index.error_norm, norm(&error));
+    put_list(put, &index.tip, &scene.tip(&state.position));
 }
 
-fn read_torque(table: &Table, law: &Name, torque: &TorqueSample, put: &mut dyn FnMut(usize, f64)) {
-    put_list(put, &table.torque, &torque.torque);
-    if let Some(law) = table.law(law) {
+fn read_torque(
+    index: &SeriesIndex,
+    law: &Name,
+    torque: &TorqueSample,
+    put: &mut dyn FnMut(usize, f64),
+) {
+    put_list(put, &index.torque, &torque.torque);
+    if let Some(law) = index.law(law) {
         put_list(put, &law.echo, &torque.echo[..torque.echo_count as usize]);
     }
 }
 
-fn read_error(table: &Table, error: &ErrorSample, put: &mut dyn FnMut(usize, f64)) {
-    put(table.law_error_norm, norm(&error.error));
-    if let Some(law) = table.law(&error.law) {
+fn read_error(index: &SeriesIndex, error: &ErrorSample, put: &mut dyn FnMut(usize, f64)) {
+    put(index.law_error_norm, norm(&error.error));
+    if let Some(law) = index.law(&error.law) {
         put_list(put, &law.signals, &error.signals);
     }
 }
 
 fn read_status(
-    table: &Table,
+    index: &SeriesIndex,
     scene: &Scene,
     status: &StatusSample,
     put: &mut dyn FnMut(usize, f64),
 ) {
-    put(table.lost, status.lost as f64);
-    put(table.late, status.late as f64);
-    put(table.rejected, status.rejected as f64);
-    put(table.misses, status.deadline_misses as f64);
-    put_list(put, &table.true_tip, &scene.tip(&status.position));
+    put(index.lost, status.lost as f64);
+    put(index.late, status.late as f64);
+    put(index.rejected, status.rejected as f64);
+    put(index.misses, status.deadline_misses as f64);
+    put_list(put, &index.true_tip, &scene.tip(&status.position));
 }
 
 /// As many values as there are series for them.
@@ -236,16 +241,16 @@ mod tests {
 
     use super::*;
 
-    fn readings(law: &str) -> Readings {
-        let mut readings = Readings::default();
-        readings.follow(&Scenario::load(law, &[]).unwrap());
-        readings
+    fn reader(law: &str) -> SeriesReader {
+        let mut reader = SeriesReader::default();
+        reader.set_scenario(&Scenario::load(law, &[]).unwrap());
+        reader
     }
 
     #[test]
     fn the_series_are_those_of_the_arm_the_task_and_all_laws() {
-        let readings = readings("sampled/tj");
-        let names = readings.table().names();
+        let reader = reader("sampled/tj");
+        let names = reader.index().names();
         for name in ["error.1", "torque.1", "tip.1", "force.1", "factor.1", "memory.0"] {
             assert_eq!(names.iter().filter(|known| *known == name).count(), 1, "{name}");
         }
@@ -254,13 +259,13 @@ mod tests {
 
     #[test]
     fn signals_are_told_apart_by_the_law_that_they_are_of() {
-        let mut readings = readings("sampled/mtj");
+        let mut reader = reader("sampled/mtj");
         let header = Header { version: VERSION, joints: 2, axes: 2, ..Header::default() };
         let mut read = |message| {
             let mut found = Vec::new();
-            let table = Arc::clone(readings.table());
-            readings.read(&message, &mut |series, value| {
-                found.push((table.names()[series].clone(), value));
+            let index = Arc::clone(reader.index());
+            reader.read(&message, &mut |series, value| {
+                found.push((index.names()[series].clone(), value));
             });
             found
         };

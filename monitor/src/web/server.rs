@@ -1,4 +1,4 @@
-//! The server: its routes, and the connections it takes.
+//! The HTTP server: its routes and its connections.
 
 use std::{convert::Infallible, io::ErrorKind, sync::Arc, time::Duration};
 
@@ -18,68 +18,66 @@ use tokio::{
     time::{sleep, timeout},
 };
 
-use super::{board::Cursor, guard::Guard, knobs, live::Live, page};
-use crate::desk::Counter;
+use super::{access::AccessControl, broadcast::Broadcaster, page, requests, store::Cursor};
+use crate::requests::RequestHandle;
 
-/// How many connections there may be at once.
+/// The most connections at once.
 const CONNECTIONS: usize = 256;
-/// How long a connection may take over one request, unless it becomes a dashboard.
-const PATIENCE: Duration = Duration::from_secs(30);
-/// How long somebody for whom there is no room may take to hear so.
-const BRIEF: Duration = Duration::from_secs(1);
-/// The longest a dashboard may say at once; it has nothing to say.
+/// The longest time for one HTTP request, unless it becomes a dashboard's WebSocket.
+const TIMEOUT: Duration = Duration::from_secs(30);
+/// The longest time for a connection that is refused because there are too many.
+const REFUSAL_TIMEOUT: Duration = Duration::from_secs(1);
+/// The longest message from a dashboard, bytes; dashboards send none.
 const LONGEST: usize = 4096;
 
-/// The page may load nothing but its own files and what it draws itself, and nobody may frame it.
+/// The page may load only its own files and what it draws itself; no other page may embed it.
 const POLICY: &str = "default-src 'self'; img-src 'self' data: blob:; object-src 'none'; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// What requests are answered from.
+/// The state that the server's routes share.
 #[derive(Clone)]
-pub struct Server {
-    /// Who may do what.
-    pub guard: Guard,
-    /// Where knobs are handed in, if any may be turned.
-    pub counter: Option<Counter>,
-    /// What dashboards see.
-    pub live: Live,
+pub(super) struct Server {
+    pub access: AccessControl,
+    /// Sends requests to the plant, unless the dashboard is read-only.
+    pub requests: Option<RequestHandle>,
+    pub live: Broadcaster,
 }
 
-impl FromRef<Server> for Guard {
+impl FromRef<Server> for AccessControl {
     fn from_ref(server: &Server) -> Self {
-        server.guard.clone()
+        server.access.clone()
     }
 }
 
-impl FromRef<Server> for Option<Counter> {
+impl FromRef<Server> for Option<RequestHandle> {
     fn from_ref(server: &Server) -> Self {
-        server.counter.clone()
+        server.requests.clone()
     }
 }
 
-/// Held as long as a connection lasts.
-type Room = Option<Arc<OwnedSemaphorePermit>>;
+/// Counts a connection as long as it lasts; `None` if there are too many.
+type Permit = Option<Arc<OwnedSemaphorePermit>>;
 
 impl Server {
-    /// Serves everybody who connects, for ever.
-    pub async fn serve(self, listener: TcpListener) {
+    /// Serves all connections, for ever.
+    pub(super) async fn serve(self, listener: TcpListener) {
         let live = self.live.clone();
-        tokio::join!(live.beat(), self.accept(listener));
+        tokio::join!(live.run(), self.accept(listener));
     }
 
     async fn accept(self, listener: TcpListener) {
-        let rooms = Arc::new(Semaphore::new(CONNECTIONS));
+        let permits = Arc::new(Semaphore::new(CONNECTIONS));
         let router = self.router();
         loop {
             match listener.accept().await {
                 Ok((stream, _)) => {
-                    let room = Arc::clone(&rooms).try_acquire_owned().ok().map(Arc::new);
-                    tokio::spawn(answer(stream, router.clone(), room));
+                    let permit = Arc::clone(&permits).try_acquire_owned().ok().map(Arc::new);
+                    tokio::spawn(answer(stream, router.clone(), permit));
                 }
-                // A connection that was given up before it was taken.
+                // The client gave up before its connection was accepted.
                 Err(error) if error.kind() == ErrorKind::ConnectionAborted => {}
-                // Out of files: some of the connections will end.
-                Err(_) => sleep(BRIEF).await,
+                // Too many open files: some of the connections will end.
+                Err(_) => sleep(REFUSAL_TIMEOUT).await,
             }
         }
     }
@@ -87,7 +85,7 @@ impl Server {
     fn router(self) -> Router {
         page::routes()
             .route("/live", get(live))
-            .route("/knob", post(knobs::turn))
+            .route("/knob", post(requests::post))
             .layer(middleware::from_fn_with_state(self.clone(), admit))
             .layer(middleware::map_response(secure))
             .with_state(self)
@@ -95,31 +93,31 @@ impl Server {
 }
 
 /// Answers the one request of a connection.
-async fn answer(stream: TcpStream, router: Router, room: Room) {
-    // What is sent is wanted now; fails only if the other end is gone.
+async fn answer(stream: TcpStream, router: Router, permit: Permit) {
+    // Fails only if the client has gone.
     let _ = stream.set_nodelay(true);
-    let patience = if room.is_some() { PATIENCE } else { BRIEF };
-    let service = TowerToHyperService::new(router.layer(Extension(room)));
+    let limit = if permit.is_some() { TIMEOUT } else { REFUSAL_TIMEOUT };
+    let service = TowerToHyperService::new(router.layer(Extension(permit)));
     let connection =
         http1::Builder::new().serve_connection(TokioIo::new(stream), service).with_upgrades();
-    // Ends with an error where somebody goes away in the middle of something.
-    let _ = timeout(patience, connection).await;
+    // An error means that the client went away early.
+    let _ = timeout(limit, connection).await;
 }
 
-/// Lets a request in, or says why not.
+/// Passes a request on, or responds with the reason why not.
 async fn admit(
     State(server): State<Server>,
-    Extension(room): Extension<Room>,
+    Extension(permit): Extension<Permit>,
     request: Request,
     next: Next,
 ) -> Response {
-    if room.is_none() {
+    if permit.is_none() {
         let reason = "too many connections; close a dashboard and try again";
-        return knobs::refuse(StatusCode::SERVICE_UNAVAILABLE, reason);
+        return requests::refuse(StatusCode::SERVICE_UNAVAILABLE, reason);
     }
-    match server.guard.admit(request.headers()) {
+    match server.access.check_origin(request.headers()) {
         Ok(()) => next.run(request).await,
-        Err(refusal) => knobs::refuse(refusal.status, refusal.reason),
+        Err(denial) => requests::refuse(denial.status, denial.reason),
     }
 }
 
@@ -129,11 +127,11 @@ async fn secure(mut response: Response) -> Result<Response, Infallible> {
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
         (header::REFERRER_POLICY, "no-referrer"),
         (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
-        // The next version of the program has the next version of the page.
+        // Another version of the program has another version of the page.
         (header::CACHE_CONTROL, "no-store"),
     ];
     if response.status() != StatusCode::SWITCHING_PROTOCOLS {
-        // One request a connection: an idle browser keeps nobody out.
+        // One request a connection, so that an idle browser uses none of them.
         response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
     }
     for (name, value) in headers {
@@ -142,17 +140,17 @@ async fn secure(mut response: Response) -> Result<Response, Infallible> {
     Ok(response)
 }
 
-/// `GET /live`, or `GET /live?run=…&since=…` for a page that comes back: from here on the connection
-/// is a dashboard's.
+/// `GET /live`, or `GET /live?run=…&since=…` for a page that reconnects: the connection becomes a
+/// dashboard's WebSocket.
 async fn live(
     State(server): State<Server>,
-    Extension(room): Extension<Room>,
+    Extension(permit): Extension<Permit>,
     address: Uri,
     socket: WebSocketUpgrade,
 ) -> Response {
     let known = address.query().and_then(Cursor::of_query).unwrap_or_default();
     socket.max_message_size(LONGEST).max_frame_size(LONGEST).on_upgrade(move |socket| async move {
-        server.live.show(socket, known).await;
-        drop(room);
+        server.live.serve(socket, known).await;
+        drop(permit);
     })
 }

@@ -116,6 +116,13 @@ impl Browser {
         self.post(&format!("/element/{id}/click"), &json!({}));
     }
 
+    /// Presses and releases a key, wherever the focus is; special keys have the codes of WebDriver.
+    pub fn press(&self, key: &str) {
+        let [down, up] = ["keyDown", "keyUp"].map(|action| json!({ "type": action, "value": key }));
+        let keyboard = json!({ "type": "key", "id": "keyboard", "actions": [down, up] });
+        self.post("/actions", &json!({ "actions": [keyboard] }));
+    }
+
     /// Gives the page a width and a height in CSS pixels and a preference of colours.
     pub fn look(&self, width: u32, height: u32, scheme: Scheme) {
         let size = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500 });

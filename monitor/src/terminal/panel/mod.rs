@@ -1,20 +1,20 @@
 //! What is on the screen, panel by panel.
 //!
 //! ```text
-//! edges     title, facts, banner, keys
-//! arm       the arm at scale, its desired path and the trail of its tip
-//! chart     tracking error and the law's gauge over time
-//! effort    torques with their limits; the law's echo and signals in the task
-//! timing    round trip, residence and jitter
-//! session   commands, roles, changes
+//! bars     title, settings, banner, keys
+//! arm      the arm at scale, its desired path and the trail of its tip
+//! chart    tracking error and the law's primary signal over time
+//! torque   torques with their limits; the law's echo and signals on the task axes
+//! timing   round trip, residence and jitter
+//! session  commands, roles, changes
 //! ```
 
 mod arm;
+mod bars;
 mod chart;
-mod edges;
-mod effort;
 mod session;
 mod timing;
+mod torque;
 
 use ratatui::{
     buffer::Buffer,
@@ -24,41 +24,41 @@ use ratatui::{
 };
 
 use super::{
-    palette::{Ink, Palette},
+    log_layer::LogLine,
+    palette::{Palette, Tone},
     view::View,
 };
 use crate::overview::Overview;
 
 /// The smallest screen that holds the essentials.
-pub const SMALLEST: (u16, u16) = (60, 16);
-/// From this size on everything has a place.
+const SMALLEST: (u16, u16) = (60, 16);
+/// The smallest screen that holds everything.
 const ROOMY: (u16, u16) = (80, 22);
 
-/// What to draw.
-pub struct Picture<'a> {
-    /// What is shown: by now, or as it was when the view was held.
+/// The content of one frame.
+pub(super) struct Picture<'a> {
+    /// What is drawn: the current view, or the one that the user holds.
     pub view: &'a View,
-    /// What is known by now: alarms and roles are never held.
+    /// What is known now: alarms and roles are never held.
     pub live: &'a Overview,
-    /// Whether the view stands still.
+    /// Whether the user holds the view.
     pub is_held: bool,
-    /// How much time the charts show, s.
+    /// The time span of the charts, s.
     pub window: f64,
     /// Session and bus.
-    pub place: &'a str,
-    /// What this process said lately besides.
-    pub aside: Option<String>,
-    /// Whether the keys are explained.
-    pub is_helping: bool,
-    /// The colours.
+    pub session: &'a str,
+    /// The newest log line, if it is recent.
+    pub log_line: Option<LogLine>,
+    /// Whether to show what the keys do.
+    pub shows_help: bool,
     pub palette: Palette,
 }
 
 impl Picture<'_> {
-    /// Draws all of it.
-    pub fn paint(&self, area: Rect, buf: &mut Buffer) {
+    /// Draws the whole screen.
+    pub(super) fn render(&self, area: Rect, buf: &mut Buffer) {
         if area.width < SMALLEST.0 || area.height < SMALLEST.1 {
-            return edges::too_small(self, area, buf);
+            return bars::too_small(self, area, buf);
         }
         let alarm = self.live.alarm();
         let [title, facts, banner, body, keys] = Layout::vertical([
@@ -69,37 +69,37 @@ impl Picture<'_> {
             Constraint::Length(1),
         ])
         .areas(area);
-        edges::title(self, title, buf);
-        edges::facts(self, facts, buf);
+        bars::title(self, title, buf);
+        bars::facts(self, facts, buf);
         if let Some(alarm) = alarm {
-            edges::banner(self, alarm, banner, buf);
+            bars::banner(self, alarm, banner, buf);
         }
         let is_roomy = area.width >= ROOMY.0 && area.height >= ROOMY.1;
-        if self.is_helping {
-            edges::help(self, body, buf);
+        if self.shows_help {
+            bars::help(self, body, buf);
         } else if is_roomy {
             self.roomy(body, buf);
         } else {
             self.compact(body, buf);
         }
-        edges::keys(self, is_roomy && !self.is_helping, keys, buf);
+        bars::keys(self, is_roomy && !self.shows_help, keys, buf);
     }
 
     fn roomy(&self, area: Rect, buf: &mut Buffer) {
         let joints = self.joints();
-        // Numbers need their rows; drawings take what is left, and most of what is more.
+        // Numbers need their rows; drawings get most of the rest.
         let needed = 6 + joints.max(3);
         let numbers = needed.max(area.height * 2 / 5).min(area.height.saturating_sub(10));
         let [drawings, numbers] =
             Layout::vertical([Constraint::Fill(1), Constraint::Length(numbers)]).areas(area);
-        // A cell is twice as high as it is wide.
+        // A character is twice as high as it is wide.
         let arm = (2 * drawings.height).min(area.width * 2 / 5);
         let [left, right] = Layout::horizontal([Constraint::Length(arm), Constraint::Fill(1)])
             .spacing(1)
             .areas(drawings);
         let [error, signal] =
             Layout::vertical([Constraint::Fill(3), Constraint::Fill(2)]).areas(right);
-        arm::paint(self, left, buf);
+        arm::render(self, left, buf);
         chart::error(self, error, buf);
         chart::signal(self, signal, buf);
 
@@ -108,10 +108,10 @@ impl Picture<'_> {
         let [torques, task] =
             Layout::vertical([Constraint::Length(1 + joints), Constraint::Fill(1)])
                 .areas(columns[0]);
-        effort::torques(self, torques, buf);
-        effort::task(self, task, buf);
-        timing::paint(self, columns[1], buf);
-        session::paint(self, columns[2], buf);
+        torque::torques(self, torques, buf);
+        torque::task(self, task, buf);
+        timing::render(self, columns[1], buf);
+        session::render(self, columns[2], buf);
     }
 
     fn compact(&self, area: Rect, buf: &mut Buffer) {
@@ -122,7 +122,7 @@ impl Picture<'_> {
         let [left, right] = Layout::horizontal([Constraint::Length(arm), Constraint::Fill(1)])
             .spacing(1)
             .areas(drawings);
-        arm::paint(self, left, buf);
+        arm::render(self, left, buf);
         chart::error(self, right, buf);
         let [left, right] = Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)])
             .spacing(1)
@@ -130,8 +130,8 @@ impl Picture<'_> {
         let joints = self.joints().min(left.height - 2);
         let [torques, task] =
             Layout::vertical([Constraint::Length(1 + joints), Constraint::Fill(1)]).areas(left);
-        effort::torques(self, torques, buf);
-        effort::axes(self, task, buf);
+        torque::torques(self, torques, buf);
+        torque::axes(self, task, buf);
         timing::brief(self, right, buf);
     }
 
@@ -139,19 +139,20 @@ impl Picture<'_> {
         self.view.overview.header().map_or(2, |header| header.joints as u16)
     }
 
-    fn ink<'a>(&self, words: impl Into<std::borrow::Cow<'a, str>>, ink: Ink) -> Span<'a> {
-        Span::styled(words, self.palette.style(ink))
+    fn styled<'a>(&self, words: impl Into<std::borrow::Cow<'a, str>>, tone: Tone) -> Span<'a> {
+        Span::styled(words, self.palette.style(tone))
     }
 
-    /// A panel's first line: its title, a rule, and something at the right end. Returns the rest.
+    /// Draws a panel's first line: its title, a rule, and `right` at the right end. Returns the rest
+    /// of the area.
     fn rule(&self, title: &str, right: Line, area: Rect, buf: &mut Buffer) -> Rect {
         let [line, rest] =
             Layout::vertical([Constraint::Length(1), Constraint::Fill(1)]).areas(area);
         if line.is_empty() {
             return rest;
         }
-        self.ink("─".repeat(line.width.into()), Ink::Faint).render(line, buf);
-        Line::from(vec![self.ink(title, Ink::Strong), Span::raw(" ")]).render(line, buf);
+        self.styled("─".repeat(line.width.into()), Tone::Faint).render(line, buf);
+        Line::from(vec![self.styled(title, Tone::Strong), Span::raw(" ")]).render(line, buf);
         let width = right.width() as u16;
         let free = line.width.saturating_sub(title.chars().count() as u16 + 2);
         if 0 < width && width < free {
@@ -163,15 +164,15 @@ impl Picture<'_> {
     }
 }
 
-/// Lines from the top of an area, as many as fit.
-fn stack<'a>(lines: impl IntoIterator<Item = Line<'a>>, area: Rect, buf: &mut Buffer) {
+/// Draws lines from the top of an area, as many as fit.
+fn render_lines<'a>(lines: impl IntoIterator<Item = Line<'a>>, area: Rect, buf: &mut Buffer) {
     for (row, line) in area.rows().zip(lines) {
         line.render(row, buf);
     }
 }
 
-/// Pieces one after another, in as many lines as they need.
-fn flow<'a>(pieces: Vec<Vec<Span<'a>>>, width: u16) -> Vec<Line<'a>> {
+/// Puts pieces one after another into as many lines as they need.
+fn wrap<'a>(pieces: Vec<Vec<Span<'a>>>, width: u16) -> Vec<Line<'a>> {
     let mut lines: Vec<Line> = Vec::new();
     for piece in pieces {
         let piece = Line::from(piece);
@@ -186,8 +187,8 @@ fn flow<'a>(pieces: Vec<Vec<Span<'a>>>, width: u16) -> Vec<Line<'a>> {
     lines
 }
 
-/// Three digits that matter, in at most six characters.
-fn figure(value: f64) -> String {
+/// A number with three significant digits, in at most six characters.
+fn three_digits(value: f64) -> String {
     match value.abs() {
         magnitude if magnitude < 9.995 => format!("{value:.2}"),
         magnitude if magnitude < 99.95 => format!("{value:.1}"),

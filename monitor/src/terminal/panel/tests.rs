@@ -1,4 +1,7 @@
-use std::sync::Arc;
+use std::{
+    sync::Arc,
+    time::{SystemTime, UNIX_EPOCH},
+};
 
 use mtj_model::scenario::{Override, Scenario};
 use mtj_protocol::{
@@ -23,12 +26,12 @@ fn header(sequence: u64) -> Header {
     Header { version: VERSION, joints: 2, axes: 2, run: 7, sequence, time_ns, revision: 0 }
 }
 
-/// Two seconds of a run whose numbers are known: the tip hangs 4 cm below what is desired, except at
-/// one instant; k is 0.875; joint 2 is at 8 of 10 N m.
+/// Two seconds of a run with known numbers: the tip is 4 cm below the desired one, except at one
+/// instant; k is 0.875; joint 2 is at 8 of 10 N m.
 fn two_seconds(set: &[&str]) -> View {
     let mut view = View::default();
     let scenario = scenario(set);
-    view.hear(&Message::Scenario(Arc::new(Offered {
+    view.handle(&Message::Scenario(Arc::new(Offered {
         run: 7,
         revision: 0,
         scenario: scenario.clone(),
@@ -37,7 +40,7 @@ fn two_seconds(set: &[&str]) -> View {
         let header = header(sequence);
         let depth = if sequence == 100 { 0.4 } else { 0.04 };
         let desired = scenario.trajectory.at::<2>(header.time_ns as f64 * 1e-9).point;
-        view.hear(&Message::State(StateSample {
+        view.handle(&Message::State(StateSample {
             header,
             sent_ns: 1 + header.time_ns,
             latency_ns: 1_250_000,
@@ -46,14 +49,14 @@ fn two_seconds(set: &[&str]) -> View {
             position: padded(&angles(desired.x, desired.y - depth)),
             ..Default::default()
         }));
-        view.hear(&Message::Torque(TorqueSample {
+        view.handle(&Message::Torque(TorqueSample {
             header,
             torque: padded(&[-3.25, 8.0]),
             echo_count: 2,
             echo: padded(&[12.5, -4.5]),
             ..Default::default()
         }));
-        view.hear(&Message::Error(ErrorSample {
+        view.handle(&Message::Error(ErrorSample {
             header,
             law: text("mtj"),
             error: padded(&[0.0015, 0.04]),
@@ -61,7 +64,7 @@ fn two_seconds(set: &[&str]) -> View {
             ..Default::default()
         }));
     }
-    view.hear(&Message::Status(StatusSample {
+    view.handle(&Message::Status(StatusSample {
         header: header(200),
         phase: 1,
         sent: 201,
@@ -72,6 +75,12 @@ fn two_seconds(set: &[&str]) -> View {
         ..Default::default()
     }));
     view
+}
+
+/// 275 s ago by the wall clock, ns.
+fn a_while_ago_ns() -> u64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
+    (now.as_nanos() - 275_500_000_000) as u64
 }
 
 /// Joint angles that put the tip of two links of 1 m at a point, from the law of cosines.
@@ -92,14 +101,14 @@ fn draw_with<'a>(
         live: &view.overview,
         is_held: false,
         window: 5.0,
-        place: "default over iceoryx2",
-        aside: None,
-        is_helping: false,
+        session: "default over iceoryx2",
+        log_line: None,
+        shows_help: false,
         palette: Palette::new(true),
     };
     adapt(&mut picture);
     let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
-    terminal.draw(|frame| picture.paint(frame.area(), frame.buffer_mut())).unwrap();
+    terminal.draw(|frame| picture.render(frame.area(), frame.buffer_mut())).unwrap();
     terminal.backend().buffer().clone()
 }
 
@@ -134,7 +143,7 @@ fn the_essentials_are_shown_at_every_size() {
                 "law mtj",
                 "T_s 10ms",
                 "memory delivered",
-                // The tip is 4 cm away now and was 40 cm away for one sample.
+                // The error is 4 cm now and was 40 cm for one sample.
                 "4.00e-2 m  peak 4.0e-1",
                 "-3.25",
                 "8.00",
@@ -154,7 +163,7 @@ fn the_essentials_are_shown_at_every_size() {
 }
 
 #[test]
-fn a_roomy_screen_shows_all_the_rest() {
+fn a_large_screen_shows_everything() {
     let mut view = two_seconds(&["safety.torque_limit=[25,10]", "link.torque.latency=1ms"]);
     let set = |number, words: &[&str]| {
         Request::Set(words.iter().map(|&words| words.to_owned()).collect()).to_sample(7, number)
@@ -162,13 +171,13 @@ fn a_roomy_screen_shows_all_the_rest() {
     let change = |request: RequestSample, outcome| {
         Message::Change(ChangeSample::answer(header(120), &request, outcome))
     };
-    view.hear(&change(set(1, &["law.kind=tj"]), Ok(())));
-    view.hear(&change(set(2, &["law.kind=pd"]), Err("there is no law pd")));
-    view.hear(&Message::Presence(PresenceSample {
+    view.handle(&change(set(1, &["law.kind=pd"]), Err("there is no law pd")));
+    view.handle(&change(set(2, &["law.kind=tj"]), Ok(())));
+    view.handle(&Message::Presence(PresenceSample {
         header: header(200),
         role: 1,
         process: 4242,
-        since_ns: 1,
+        since_ns: a_while_ago_ns(),
         id: 5,
         precedence: 0,
         host: text("robot-cell"),
@@ -191,21 +200,42 @@ fn a_roomy_screen_shows_all_the_rest() {
             ],
         );
     }
-    assert_shows(&draw(&view, 120, 40), &["robot-cell 4242", "heard 0.0"]);
+    assert_shows(&draw(&view, 120, 40), &["4:35", "robot-cell 4242", "heard 0.0"]);
+}
+
+#[test]
+fn a_change_is_shown_with_its_value_on_a_small_screen() {
+    let mut view = two_seconds(&[]);
+    let set = Request::Set(vec!["link.torque.latency=12.5ms".to_owned()]).to_sample(7, 1);
+    let header = Header { time_ns: 1_275_300_000_000, ..header(120) };
+    view.handle(&Message::Change(ChangeSample::answer(header, &set, Ok(()))));
+    let screen = draw(&view, 80, 24);
+    assert_shows(&screen, &["1275.3 link.torque.", "latency=12.5ms"]);
+}
+
+#[test]
+fn a_monitor_that_joins_late_does_not_claim_that_there_were_no_changes() {
+    let mut view = View::default();
+    let late = |revision| Header { revision, ..header(27_500) };
+    view.handle(&Message::State(StateSample { header: late(2), ..Default::default() }));
+    let screen = draw(&view, 80, 24);
+    assert_shows(&screen, &["275.0 monitor joined after", "2 changes"]);
+    assert!(!screen.contains("none in this run"), "{screen}");
+    assert_shows(&draw(&two_seconds(&[]), 80, 24), &["none in this run"]);
 }
 
 #[test]
 fn a_law_without_signals_has_no_chart_of_them() {
     let mut view = two_seconds(&[]);
     let law = text("tj");
-    view.hear(&Message::Error(ErrorSample { header: header(201), law, ..Default::default() }));
+    view.handle(&Message::Error(ErrorSample { header: header(201), law, ..Default::default() }));
     let screen = draw(&view, 120, 40);
     assert_shows(&screen, &["law tj", "Regulating factor k", "tj has none", "Q̂ N", "12.5"]);
     assert!(!screen.contains("h N") && !screen.contains("memory sent"), "{screen}");
 }
 
 #[test]
-fn the_point_of_the_arm_is_where_the_tip_is() {
+fn the_tip_is_drawn_in_its_direction() {
     let view = two_seconds(&[]);
     let buffer = draw_with(&view, 120, 40, |_| {});
     let find = |symbol: &str| {
@@ -213,11 +243,11 @@ fn the_point_of_the_arm_is_where_the_tip_is() {
         let place = place.unwrap_or_else(|| panic!("no {symbol}:\n{}", words(&buffer)));
         ((place % 120) as f64, (place / 120) as f64 * 2.0)
     };
-    // Tip and desired point are closer than a cell, so one sign stands for both.
+    // Tip and desired point share one character, so one sign stands for both.
     let (base, tip) = (find("■"), find("◉"));
     let drawn = (tip.0 - base.0, base.1 - tip.1);
     let real = scenario(&[]).trajectory.at::<2>(2.0).point;
-    // In the same direction from the base, as far as cells allow.
+    // The same direction from the base, to the accuracy of characters.
     let off = (drawn.1.atan2(drawn.0) - real.y.atan2(real.x)).abs();
     assert!(off < 0.12, "{off} rad:\n{}", words(&buffer));
 }
@@ -227,8 +257,8 @@ fn a_silent_controller_is_a_red_banner_even_if_the_view_is_held() {
     let mut view = two_seconds(&[]);
     let still = view.clone();
     std::thread::sleep(std::time::Duration::from_millis(700));
-    // The plant goes on asking.
-    view.hear(&Message::State(StateSample { header: header(201), ..Default::default() }));
+    // The plant goes on sending states.
+    view.handle(&Message::State(StateSample { header: header(201), ..Default::default() }));
     for (width, height) in SIZES {
         let buffer = draw_with(&still, width, height, |picture| {
             picture.live = &view.overview;
@@ -238,7 +268,7 @@ fn a_silent_controller_is_a_red_banner_even_if_the_view_is_held() {
         assert_shows(&screen, &["the controller has been silent for", "view held", "t 2.0 s"]);
         let row = screen.lines().position(|line| line.contains("silent for")).unwrap();
         let ground = buffer[(0, row as u16)].bg;
-        assert_eq!(ground, Palette::new(true).style(Ink::Alarm).bg.unwrap());
+        assert_eq!(ground, Palette::new(true).style(Tone::Alarm).bg.unwrap());
     }
 }
 
@@ -257,14 +287,14 @@ fn a_screen_that_is_too_small_says_what_it_needs() {
         let screen = screen.split_whitespace().collect::<Vec<_>>().join(" ");
         assert_shows(&screen, &[&format!("{width} × {height}"), "60 × 16", "press q"]);
     }
-    // However small it is, it is no reason to fall over.
+    // No size may panic.
     for (width, height) in [(1, 1), (3, 40), (200, 2), (0, 0)] {
         draw(&view, width, height);
     }
 }
 
 #[test]
-fn an_arm_of_seven_joints_has_room() {
+fn an_arm_of_seven_joints_fits() {
     let links = "[{length=0.3,mass=1,inertia=0.01},{length=0.3,mass=1,inertia=0.01},\
                  {length=0.3,mass=1,inertia=0.01},{length=0.3,mass=1,inertia=0.01},\
                  {length=0.3,mass=1,inertia=0.01},{length=0.3,mass=1,inertia=0.01},\
@@ -278,11 +308,11 @@ fn an_arm_of_seven_joints_has_room() {
     let set: Vec<&str> = set.iter().map(String::as_str).collect();
     let mut view = View::default();
     let scenario = scenario(&set);
-    view.hear(&Message::Scenario(Arc::new(Offered { run: 7, revision: 0, scenario })));
+    view.handle(&Message::Scenario(Arc::new(Offered { run: 7, revision: 0, scenario })));
     let header = Header { joints: 7, ..header(5) };
-    view.hear(&Message::State(StateSample { header, ..Default::default() }));
+    view.handle(&Message::State(StateSample { header, ..Default::default() }));
     let torque = padded(&[1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5]);
-    view.hear(&Message::Torque(TorqueSample { header, torque, ..Default::default() }));
+    view.handle(&Message::Torque(TorqueSample { header, torque, ..Default::default() }));
     for (width, height) in [(80, 24), (120, 40)] {
         assert_shows(&draw(&view, width, height), &["1   1.50", "7   7.50"]);
     }
@@ -292,21 +322,22 @@ fn an_arm_of_seven_joints_has_room() {
 }
 
 #[test]
-fn another_run_starts_afresh() {
+fn a_new_run_starts_empty() {
     let mut view = two_seconds(&[]);
     let header = Header { run: 8, ..header(1) };
-    view.hear(&Message::State(StateSample { header, ..Default::default() }));
+    view.handle(&Message::State(StateSample { header, ..Default::default() }));
     assert_eq!(view.error.range(0.0, 10.0), None);
     assert!(!draw(&view, 80, 24).contains("peak 4.0e-1"));
 }
 
 #[test]
-fn what_is_said_besides_has_a_line_of_its_own() {
+fn a_log_line_is_shown_in_the_last_line() {
     let view = two_seconds(&[]);
     let buffer = draw_with(&view, 80, 24, |picture| {
-        picture.aside = Some("mtj: ignoring a torque sample".to_owned());
+        let text = "ignoring a torque sample".to_owned();
+        picture.log_line = Some(LogLine { level: tracing::Level::WARN, text });
     });
-    assert_shows(&words(&buffer), &["mtj: ignoring a torque sample"]);
-    let help = words(&draw_with(&view, 60, 16, |picture| picture.is_helping = true));
+    assert_shows(words(&buffer).lines().last().unwrap(), &["ignoring a torque sample"]);
+    let help = words(&draw_with(&view, 60, 16, |picture| picture.shows_help = true));
     assert_shows(&help, &["space", "hold the view", "quit"]);
 }

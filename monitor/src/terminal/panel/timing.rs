@@ -1,4 +1,4 @@
-//! How long the loop takes.
+//! The timing of the loop.
 
 use ratatui::{
     buffer::Buffer,
@@ -8,41 +8,41 @@ use ratatui::{
     widgets::Widget,
 };
 
-use super::{Picture, figure, session, stack};
+use super::{Picture, render_lines, session, three_digits};
 use crate::{
     durations::{RecentDurations, Spread},
-    terminal::palette::Ink,
+    terminal::palette::Tone,
 };
 
-/// The shortest and the longest round trip that is told apart, ns.
+/// The shortest and the longest round trip of the histogram, ns.
 const EXTREMES: [f64; 2] = [1e2, 6e10];
 
-/// Round trip, residence and jitter of the last seconds, and the round trips as a histogram.
-pub fn paint(picture: &Picture, area: Rect, buf: &mut Buffer) {
+/// Round trip, residence and jitter of the last ten seconds, and a histogram of the round trips.
+pub(super) fn render(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let area = table(picture, area, buf, true);
     if area.height >= 3 {
         histogram(picture, area, buf);
     }
 }
 
-/// Round trip and residence, and how commands are doing.
-pub fn brief(picture: &Picture, area: Rect, buf: &mut Buffer) {
+/// Round trip and residence, and the counts of commands.
+pub(super) fn brief(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let area = table(picture, area, buf, area.height > 5);
-    stack(session::counts(picture, area.width), area, buf);
+    render_lines(session::counts(picture, area.width), area, buf);
 }
 
 fn table(picture: &Picture, area: Rect, buf: &mut Buffer, jitter: bool) -> Rect {
-    // The last column has a place more, for what is longest.
+    // The last column is one character wider, for the maximum.
     let column = usize::from((area.width.saturating_sub(11) / 3).clamp(5, 9));
     let last = column + 1;
     let rest = picture.rule("Loop µs", Line::default(), area, buf);
-    // The columns go over the rule.
+    // The headings of the columns are on the rule.
     let at = Rect { x: area.x + 10, width: area.width.saturating_sub(10), height: 1, ..area };
     for (part, end) in [("p50", column), ("p99", 2 * column), ("max", 2 * column + last)] {
         let end = at.x + end as u16;
         let width = part.len() as u16 + 1;
         let place = Rect { x: end - width, width, ..at }.intersection(area);
-        picture.ink(format!(" {part}"), Ink::Faint).render(place, buf);
+        picture.styled(format!(" {part}"), Tone::Faint).render(place, buf);
     }
     let overview = &picture.view.overview;
     let mut rows = vec![
@@ -53,26 +53,26 @@ fn table(picture: &Picture, area: Rect, buf: &mut Buffer, jitter: bool) -> Rect 
     rows.truncate(if jitter { 3 } else { 2 });
     let count = rows.len() as u16;
     let lines = rows.into_iter().map(|(name, durations)| {
-        let name = picture.ink(format!("{name:<10}"), Ink::Faint);
+        let name = picture.styled(format!("{name:<10}"), Tone::Faint);
         match durations.spread() {
             Some(Spread { p50, p99, max }) => Line::from(vec![
                 name,
                 Span::raw(format!("{:>column$}{:>column$}", micros(p50), micros(p99))),
-                picture.ink(format!("{:>last$}", micros(max)), Ink::Strong),
+                picture.styled(format!("{:>last$}", micros(max)), Tone::Strong),
             ]),
             None => Line::from(vec![name, Span::raw(format!("{:>column$}", "–"))]),
         }
     });
-    stack(lines, rest, buf);
+    render_lines(lines, rest, buf);
     let [_, rest] = Layout::vertical([Constraint::Length(count), Constraint::Fill(1)]).areas(rest);
     rest
 }
 
 fn micros(value: f64) -> String {
-    if value >= 9999.5 { format!("{}k", figure(value / 1e3)) } else { figure(value) }
+    if value >= 9999.5 { format!("{}k", three_digits(value / 1e3)) } else { three_digits(value) }
 }
 
-/// How often a round trip took how long, on a logarithmic axis.
+/// A histogram of the round trips on a logarithmic axis.
 fn histogram(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let round_trips = &picture.view.overview.round_trips;
     let Some([low, high]) = extent(round_trips) else { return };
@@ -81,25 +81,25 @@ fn histogram(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let [bars, axis] = Layout::vertical([Constraint::Fill(1), Constraint::Length(1)]).areas(area);
     let height = f64::from(bars.height) * 8.0;
     for (column, count) in bars.columns().zip(counts) {
-        // By its root, so that what is rare is seen beside what is usual.
+        // The square root makes rare durations visible beside frequent ones.
         let eighths = (height * (count as f64 / most).sqrt()).ceil() as usize;
         for (i, cell) in column.rows().rev().enumerate() {
             let symbol = NINE_LEVELS_UP[eighths.saturating_sub(8 * i).min(8)];
-            picture.ink(symbol, Ink::Tip).render(cell, buf);
+            picture.styled(symbol, Tone::Tip).render(cell, buf);
         }
     }
     let ends = [low, high].map(duration);
-    picture.ink(ends[0].clone(), Ink::Faint).render(axis, buf);
+    picture.styled(ends[0].clone(), Tone::Faint).render(axis, buf);
     let width = ends[1].chars().count() as u16;
     let right = Rect { x: axis.right().saturating_sub(width), width, ..axis };
-    picture.ink(ends[1].clone(), Ink::Faint).render(right, buf);
-    let middle = Line::from(picture.ink("round trip", Ink::Faint)).centered();
+    picture.styled(ends[1].clone(), Tone::Faint).render(right, buf);
+    let middle = Line::from(picture.styled("round trip", Tone::Faint)).centered();
     if axis.width > 26 {
         middle.render(axis, buf);
     }
 }
 
-/// From nothing to a full cell.
+/// From an empty to a full character.
 const NINE_LEVELS_UP: [&str; 9] = [
     NINE_LEVELS.empty,
     NINE_LEVELS.one_eighth,
@@ -112,7 +112,7 @@ const NINE_LEVELS_UP: [&str; 9] = [
     NINE_LEVELS.full,
 ];
 
-/// The part of the logarithmic axis, ns, on which there is anything.
+/// The range of the round trips, rounded to the logarithmic axis, ns.
 fn extent(durations: &RecentDurations) -> Option<[f64; 2]> {
     const PARTS: usize = 96;
     let edges = edges(EXTREMES[0], EXTREMES[1], PARTS);

@@ -1,4 +1,4 @@
-// The banner for what must not go unnoticed.
+// The banner of the most important alarm.
 
 const WORDS = {
   no_plant: "There is no plant. Start one with “mtj up”, or with “mtj plant”.",
@@ -8,7 +8,7 @@ const WORDS = {
   no_monitor: "The connection to the monitor is lost; trying to reach it again.",
 };
 
-/** Shows one alarm at a time. What a screen reader announces changes only with the alarm itself. */
+/** Shows one alarm. The text for screen readers changes only with the kind of alarm. */
 export class Alarm {
   #banner;
   #words;
@@ -20,7 +20,7 @@ export class Alarm {
     this.#detail = banner.querySelector(".detail");
   }
 
-  /** Takes `{code, sentence}`, or null if all is well. */
+  /** Shows `{code, sentence}`; null hides the banner. */
   show(alarm) {
     const code = alarm?.code ?? "";
     if (this.#banner.dataset.code !== code) {

@@ -1,10 +1,10 @@
 // The arm at scale: desired path, desired tip, true and measured tip with a fading trail; and a lens
-// that shows the measured tip about the desired one, magnified.
+// that magnifies the measured tip around the desired one.
 
 import { quantity } from "./axis.js";
 import { Surface, rule } from "./canvas.js";
 
-/** How much of the past the trail shows, s, and in how many steps it fades. */
+/** The length of the trail, s, and in how many steps it fades. */
 const TRAIL = 3;
 const FADES = 12;
 /** Free space around the drawing, as a part of it. */
@@ -30,8 +30,8 @@ export class Arm {
     this.#lens = new Surface(lens, session.redraw);
   }
 
-  /** Begins with the path of a scenario. */
-  adopt(scenario) {
+  /** Sets the path of a scenario. */
+  setScenario(scenario) {
     this.#box = { left: 0, right: 0, bottom: 0, top: 0 };
     this.#lensScale = 0;
     scenario.path.forEach((point) => this.#include(point));
@@ -52,7 +52,7 @@ export class Arm {
     if (!scenario || !surface.visible || surface.width < 2) return;
     const pose = store.poseAt(view.instant);
     const measured = pose?.arm;
-    // An elbow may lie outside the path; one that runs wild must not make all else a dot.
+    // An elbow may be outside the path; a diverged one must not make all else a dot.
     measured?.filter((point) => Math.hypot(...point) <= scenario.reach * 1.01).forEach((point) => this.#include(point));
 
     const box = this.#box;

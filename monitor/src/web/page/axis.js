@@ -1,10 +1,10 @@
-// Axes: where ticks stand, and how quantities are written.
+// Axes, ticks, and the format of quantities.
 
 const PREFIXES = [[1e9, "G"], [1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"]];
 const MINUS = "\u2212";
 const SPACE = "\u202f";
 
-/** The SI prefix with which a number of this size is best written. */
+/** The SI prefix for a number of this size. */
 function prefixFor(size) {
   if (!(size > 0)) return [1, ""];
   return PREFIXES.find(([factor]) => size >= factor * 0.9995) ?? PREFIXES.at(-1);
@@ -25,7 +25,7 @@ export function quantity(value, unit) {
   return `${digits(scaled, decimals)}${SPACE}${prefix}${unit}`;
 }
 
-/** A span of time as one says it: "4.2 s", "3 min 20 s", "1 h 5 min". */
+/** A time span: "4.2 s", "3 min 20 s", "1 h 5 min". */
 export function span(seconds) {
   if (seconds == null || !Number.isFinite(seconds)) return "–";
   if (seconds < 10) return `${seconds.toFixed(1)}${SPACE}s`;
@@ -102,7 +102,7 @@ class Logarithmic {
     return ticks;
   }
 
-  /** Values between the decades where a faint line helps. */
+  /** Values of the faint lines between the decades. */
   minor() {
     const values = [];
     for (let decade = this.low; decade < this.high; decade += 1) {
@@ -112,7 +112,7 @@ class Logarithmic {
   }
 }
 
-/** A linear axis that shows low … high; the last one stays as long as it suits, so that it does not breathe. */
+/** A linear axis for low … high; `last` is kept while it fits, so that the axis does not change all the time. */
 export function linearAxis(low, high, most, unit, last) {
   const size = Math.max(Math.abs(low), Math.abs(high), 1e-9);
   if (high - low < size * 1e-3) [low, high] = [low - size * 0.5, high + size * 0.5];
@@ -123,7 +123,7 @@ export function linearAxis(low, high, most, unit, last) {
   return Object.assign(new Linear(bottom, top, step, unit), { most });
 }
 
-/** A logarithmic axis that shows low … high, five decades at most. */
+/** A logarithmic axis for low … high, five decades at most. */
 export function logarithmicAxis(low, high, unit) {
   const top = Math.ceil(Math.log10(high) - 1e-6);
   const bottom = Math.max(Math.floor(Math.log10(low) + 1e-6), top - 5);

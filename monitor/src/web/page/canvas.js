@@ -1,4 +1,4 @@
-// A canvas in CSS pixels that knows its size and whether anybody can see it.
+// A canvas in CSS pixels that knows its size and whether it is visible.
 
 /** Keeps a canvas as sharp as the screen, and calls `changed` when its size or visibility changes. */
 export class Surface {
@@ -20,7 +20,7 @@ export class Surface {
   }
 
   #resize(width, height) {
-    // More than two device pixels to a CSS pixel cost much and show nothing.
+    // More than two device pixels to a CSS pixel cost time and show no more.
     const ratio = Math.min(2, devicePixelRatio || 1);
     this.width = width;
     this.height = height;

@@ -1,4 +1,4 @@
-// Which charts there are, and what each of them shows.
+// The charts, and what each of them shows.
 
 const SUBSCRIPTS = "₁₂₃₄₅₆₇";
 
@@ -13,9 +13,9 @@ function list({ key, symbol, per }, { axes, joints }) {
 }
 
 /**
- * Each with the series it draws from a scenario. Values times `factor` are in `unit`, or in the series' own;
- * `span` is a range that never changes; `weight` is the chart's share of the height; `rms` a series whose mean size in view
- * is worth knowing.
+ * `series` makes the series of a chart for a scenario. A value times `factor` is in `unit`, or in the unit
+ * of its series; `span` is a fixed range; `weight` is the chart's share of the height; `rms` is the series
+ * whose root mean square in view is shown.
  */
 const MOTION = [
   {
@@ -71,7 +71,7 @@ const TIMING = [
   },
 ];
 
-/** A chart of what some laws show; only while one of them is in effect. */
+/** The chart of a signal, shown while a law with this signal is in effect. */
 function chart(signal, laws) {
   const shows = (law) => law.signals.some(({ key }) => key === signal.key);
   const names = laws.filter(shows).map(({ name }) => name);
@@ -81,7 +81,7 @@ function chart(signal, laws) {
     unit: signal.unit,
     span: signal.range,
     applies: ({ knobs }) => names.includes(knobs["law.kind"]),
-    // What has a range is often the same on all axes: a line beneath must show beside the one above.
+    // Signals with a range are often equal on all axes: a hidden line must be wider than the one above it.
     series: (scenario) =>
       list(signal, scenario).map((series, i, all) => (signal.range ? { ...series, width: 1.5 * (all.length - i) } : series)),
   };

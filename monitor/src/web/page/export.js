@@ -1,4 +1,4 @@
-// What is shown, as a file: the numbers as CSV, the charts as PNG.
+// Exports what is shown: the numbers as CSV, the charts as PNG.
 
 function download(blob, name) {
   const link = document.createElement("a");
@@ -15,7 +15,7 @@ function fileName(session, ending) {
   return `mtj-${scenario}-${from.toFixed(1)}s-${view.end.toFixed(1)}s.${ending}`;
 }
 
-/** The bins in view: time, smallest and largest sample of every series drawn, and the marks. */
+/** The bins in view: time, minimum and maximum of every series drawn, and the changes. */
 export function csv({ store, view }, strips) {
   const series = strips.flatMap((strip) => strip.series.map((s) => ({ unit: strip.unit, ...s })));
   const heads = series.flatMap(({ name, unit }) => {
@@ -43,16 +43,16 @@ export function downloadCsv(session, strips) {
   download(new Blob([csv(session, strips)], { type: "text/csv" }), fileName(session, "csv"));
 }
 
-/** One picture of the charts as they are, with their headings. */
-export function picture({ store, palette }, lane, strips, ruler) {
+/** One image of the charts in view, with their headings. */
+export function picture({ store, palette }, markers, strips, ruler) {
   const ratio = strips[0].canvas.width / strips[0].canvas.clientWidth;
   const head = 22;
   const shown = strips.filter((strip) => !strip.element.hidden);
   const width = shown[0].canvas.clientWidth + 24;
-  const height = 40 + lane.clientHeight + ruler.clientHeight + shown.reduce((sum, s) => sum + head + s.canvas.clientHeight, 0) + 12;
-  const sheet = document.createElement("canvas");
-  [sheet.width, sheet.height] = [width * ratio, height * ratio];
-  const context = sheet.getContext("2d");
+  const height = 40 + markers.clientHeight + ruler.clientHeight + shown.reduce((sum, s) => sum + head + s.canvas.clientHeight, 0) + 12;
+  const image = document.createElement("canvas");
+  [image.width, image.height] = [width * ratio, height * ratio];
+  const context = image.getContext("2d");
   context.scale(ratio, ratio);
   context.fillStyle = palette.colour("surface");
   context.fillRect(0, 0, width, height);
@@ -66,14 +66,14 @@ export function picture({ store, palette }, lane, strips, ruler) {
     context.drawImage(canvas, 12, y, canvas.clientWidth, canvas.clientHeight);
     y += canvas.clientHeight;
   };
-  paste(lane);
+  paste(markers);
   for (const strip of shown) {
     heading(context, strip, 12, y + head / 2, palette);
     y += head;
     paste(strip.canvas);
   }
   paste(ruler);
-  return sheet;
+  return image;
 }
 
 function heading(context, strip, x, y, palette) {
@@ -91,7 +91,7 @@ function heading(context, strip, x, y, palette) {
   }
 }
 
-export function downloadPng(session, lane, strips, ruler) {
+export function downloadPng(session, markers, strips, ruler) {
   const name = fileName(session, "png");
-  picture(session, lane, strips, ruler).toBlob((blob) => blob && download(blob, name), "image/png");
+  picture(session, markers, strips, ruler).toBlob((blob) => blob && download(blob, name), "image/png");
 }

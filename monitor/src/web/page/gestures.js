@@ -1,11 +1,18 @@
-// Hands on the charts: point, drag, wheel and keys move the view.
+// Pointer, wheel and keys move the view of the charts.
 
 /** Part of the range that a key or one notch of the wheel moves. */
 const NOTCH = 0.1;
 
+/** Elements that use some keys themselves: a selector, and a test of the keys. */
+const OWN_KEYS = [
+  ["input[type=radio]", (key) => key === " " || key.startsWith("Arrow")],
+  ["input:not([type=radio]), select, textarea", () => true],
+  ["button, a", (key) => key === " "],
+];
+
 /**
  * Lets pointer, wheel and keyboard move a view over the charts within `area`. Returns a function that
- * points anew where the pointer is, for when the charts have moved beneath it.
+ * updates the cursor after the charts have moved beneath the pointer.
  */
 export function attachGestures(area, view, columnsOf) {
   const stacked = matchMedia("(max-width: 1099.98px)");
@@ -77,10 +84,14 @@ export function attachGestures(area, view, columnsOf) {
     "-": () => view.show(view.range * 2),
     " ": () => (view.following ? view.hold() : view.follow()),
   };
-  area.addEventListener("keydown", (event) => {
-    if (event.target !== area || event.ctrlKey || event.altKey || event.metaKey || !Object.hasOwn(keys, event.key)) return;
+  // Wherever the focus is, unless its element needs the key, or a long page needs it to scroll.
+  document.addEventListener("keydown", (event) => {
+    const { target, key } = event;
+    if (event.ctrlKey || event.altKey || event.metaKey || !Object.hasOwn(keys, key)) return;
+    if (OWN_KEYS.some(([elements, uses]) => target.matches(elements) && uses(key))) return;
+    if (stacked.matches && !area.contains(target)) return;
     event.preventDefault();
-    keys[event.key]();
+    keys[key]();
   });
   return point;
 }

@@ -1,4 +1,4 @@
-// Round trip and residence of the last ten seconds: how often each length occurred.
+// A histogram of round trip and residence over the last ten seconds.
 
 import { quantity } from "./axis.js";
 import { Surface, rule } from "./canvas.js";
@@ -23,8 +23,8 @@ export class Histogram {
     this.#surface = new Surface(canvas, () => this.draw());
   }
 
-  /** Takes what the monitor says now; the counts come less often than the rest. */
-  hear(now) {
+  /** Takes the state of the session; the histogram comes less often than the rest. */
+  update(now) {
     this.#spreads = { round_trip: now.round_trip, residence: now.residence };
     if (!now.histogram) return;
     this.#counts = now.histogram;
@@ -52,7 +52,7 @@ export class Histogram {
       this.#counts[name].forEach((count, i) => {
         if (count === 0 || i < first || i > last) return;
         const left = x(edges[i]);
-        // A single sample in ten thousand must still be seen.
+        // A single sample in ten thousand must be visible.
         const height = Math.max(2, (count / most) * (plot.bottom - plot.top));
         context.rect(left, plot.bottom - height, Math.max(1, x(edges[i + 1]) - left - 1), height);
       });
@@ -62,7 +62,7 @@ export class Histogram {
     this.#drawSpread(context, plot, x, edges[last + 1]);
   }
 
-  /** First and last bin worth showing: whole decades would leave most of the width empty. */
+  /** First and last bin with samples: whole decades would leave most of the width empty. */
   #occupied() {
     const { edges_us: edges } = this.#counts;
     let [first, last] = [edges.length, -1];
@@ -103,7 +103,7 @@ export class Histogram {
     context.stroke();
   }
 
-  /** p50, p99 and the largest round trip. */
+  /** p50, p99 and maximum of the round trip. */
   #drawSpread(context, plot, x, high) {
     const { palette } = this.#session;
     const spread = this.#spreads.round_trip;
@@ -129,7 +129,7 @@ export class Histogram {
   }
 }
 
-/** The table of p50, p99 and largest beside the histogram. */
+/** The table of p50, p99 and maximum beside the histogram. */
 export function showSpreads(table, now) {
   for (const row of table.querySelectorAll("tr[data-spread]")) {
     const spread = now[row.dataset.spread];

@@ -1,14 +1,14 @@
-// The knobs of the running loop. A control shows the value in effect; while a change is on its way it
-// shows the value wished for, marked as such; and if it is refused, why.
+// The knobs of the running loop. A control shows the value in effect. While a request is on its way, it
+// shows the requested value, marked as such; if the plant refuses, it shows the reason.
 
 import { forgetToken, token } from "./token.js";
 
-/** At most so often a slider that is dragged sends, ms. */
+/** The shortest time between two requests of a slider that is dragged, ms. */
 const THROTTLE = 200;
-/** How long to wait for the scenario after a change was accepted before showing it as it is, ms. */
-const SETTLE = 3_000;
+/** How long an accepted value is shown without the new scenario, ms. */
+const SCENARIO_TIMEOUT = 3_000;
 /** How long the monitor may take to answer, ms. */
-const PATIENCE = 15_000;
+const TIMEOUT = 15_000;
 
 /** Latencies a slider stops at, ms: fine near zero, where they matter most. */
 const LATENCIES = [
@@ -17,27 +17,27 @@ const LATENCIES = [
   ...Array.from({ length: 16 }, (_, i) => 5 + i),
 ].map((ms) => Number(ms.toFixed(2)));
 
-/** "10 ms" as milliseconds; null if it is no duration. */
+/** A duration like "10 ms" in milliseconds; null for other texts. */
 export function milliseconds(text) {
   const [, number, unit] = /^\s*([\d.eE+-]+)\s*(ns|us|µs|ms|s|min)\s*$/.exec(text ?? "") ?? [];
   const factor = { ns: 1e-6, us: 1e-3, "µs": 1e-3, ms: 1, s: 1e3, min: 6e4 }[unit];
   return factor === undefined || Number.isNaN(Number(number)) ? null : Number((Number(number) * factor).toPrecision(9));
 }
 
-/** A number or a list, as one types it and as TOML has it. */
+/** A number or a list as the user types it, in TOML. */
 function list(text) {
   const parts = text.replace(/[[\]]/g, " ").split(/[\s,;]+/).filter(Boolean);
   return parts.length > 1 ? `[${parts.join(", ")}]` : (parts[0] ?? "");
 }
 
-/** One number, a list, or rows, in short. */
+/** The shortest text for a number, a list, or rows. */
 function matrix(value) {
   const numbers = [value ?? []].flat();
   if (numbers.some(Array.isArray)) return JSON.stringify(value);
   return new Set(numbers).size === 1 ? String(numbers[0]) : numbers.join(", ");
 }
 
-/** How each kind of control shows a value of the scenario and writes what was typed for `--set`. */
+/** For each kind of control: how it shows a value, and how it writes the user's text for `--set`. */
 const FORMS = {
   choice: { show: (value) => String(value ?? "none"), write: (text) => text },
   list: { show: matrix, write: list },
@@ -45,7 +45,7 @@ const FORMS = {
   number: { show: (value) => (value == null ? "" : String(value)), write: (text) => text.trim().replace(",", ".") },
   duration: {
     show: (value) => (value ?? "").replace(/(\d)([a-zµ])/, "$1 $2"),
-    // A bare number is meant in ms.
+    // A number without a unit is in ms.
     write: (text) => (/[a-zµ]\s*$/.test(text) ? text.replace(/\s+/g, "") : `${text.trim().replace(",", ".")}ms`),
   },
   latency: { show: (value) => String(milliseconds(value) ?? 0), write: (text) => `${text.trim().replace(",", ".")}ms` },
@@ -59,13 +59,13 @@ function create(tag, name, ...children) {
   return element;
 }
 
-/** Words in which `_x` is a subscript. */
+/** A text in which `_x` is a subscript. */
 function subscripted(words) {
   const [, before, low, after] = /^(.*?)_(\S+)(.*)$/.exec(words) ?? [];
   return low === undefined ? [words] : [before, create("sub", "", low), after];
 }
 
-/** Words that are said otherwise on a button. */
+/** Values with another label on their button. */
 const WORDS = { none: "off", false: "off", true: "on" };
 
 function radio(name, word, title = "") {
@@ -82,7 +82,7 @@ function field(id, unit) {
   return create("span", "number", input, ...(unit ? [create("i", "", unit)] : []));
 }
 
-/** The control of a parameter as the monitor describes it. */
+/** The control of a parameter that the monitor describes. */
 function control({ key, label, form, words, unit, default: usual, help }, choices = words.map((word) => radio(key, word))) {
   const id = key.replaceAll(".", "-");
   const isChoice = choices.length > 0;
@@ -105,7 +105,7 @@ function control({ key, label, form, words, unit, default: usual, help }, choice
   return element;
 }
 
-/** The controls of parameters; of neighbours that are typed alike two stand side by side. */
+/** The controls of parameters; two neighbours of the same form are side by side. */
 function controls(parameters) {
   const elements = [];
   for (let i = 0; i < parameters.length; i += 1) {
@@ -155,7 +155,7 @@ class Knob {
     input.addEventListener("change", () => this.#edited && this.request(input.value));
     input.addEventListener("keydown", (event) => {
       if (event.key !== "Escape") return;
-      this.#settle();
+      this.#reset();
     });
   }
 
@@ -184,10 +184,10 @@ class Knob {
     this.#slider.setAttribute("aria-valuetext", `${value} ms`);
   }
 
-  /** Asks for a value, as it was typed. */
+  /** Requests a value, given as the user typed it. */
   async request(text) {
     this.#edited = false;
-    if (text.trim() === "") return this.#settle();
+    if (text.trim() === "") return this.#reset();
     this.#element.classList.add("pending");
     this.#refuse("");
     this.#pending += 1;
@@ -196,27 +196,27 @@ class Knob {
     this.#pending -= 1;
     if (this.#pending > 0) return;
     if (answer.accepted && this.#awaited) {
-      setTimeout(() => this.#show(), SETTLE);
+      setTimeout(() => this.#show(), SCENARIO_TIMEOUT);
       return;
     }
     this.#show();
     if (!answer.accepted) this.#refuse(answer.reason);
   }
 
-  /** Shows the value in effect, unless somebody is at it or waits for another. */
+  /** Shows the value in effect, unless the user edits it or a request is on its way. */
   #show() {
-    if (this.#pending === 0 && !this.#edited) this.#settle();
+    if (this.#pending === 0 && !this.#edited) this.#reset();
   }
 
   /** Takes the value in effect. */
-  adopt(value) {
+  setValue(value) {
     if (String(value) !== String(this.#value)) this.#refuse("");
     this.#value = value;
     this.#awaited = false;
     this.#show();
   }
 
-  #settle() {
+  #reset() {
     this.#edited = false;
     this.#element.classList.remove("pending");
     const text = this.#form.show(this.#value);
@@ -252,7 +252,7 @@ export class Knobs {
   #controls;
   #lock;
   #status;
-  /** Those that are always there, the choice of the law among them, and those of the law in effect. */
+  /** The permanent knobs with the choice of the law, and the knobs of the law in effect. */
   #knobs;
   #lawKnobs = [];
   #laws = [];
@@ -272,7 +272,7 @@ export class Knobs {
       button.addEventListener("click", () => this.#press(button, { set: button.dataset.set.split(" ") }));
     }
     for (const button of panel.querySelectorAll("button[data-do]")) {
-      button.addEventListener("click", () => this.#press(button, this.#deed(button.dataset.do)));
+      button.addEventListener("click", () => this.#press(button, this.#action(button.dataset.do)));
     }
     this.#showLock();
   }
@@ -282,8 +282,8 @@ export class Knobs {
     return [...part.querySelectorAll("[data-key]")].map((element) => new Knob(element, (knob) => this.post(knob)));
   }
 
-  /** Makes the choice of the law. */
-  #offer(laws) {
+  /** Makes the control that selects the law. */
+  #setLaws(laws) {
     const choices = laws.map(({ name, title, equation }) => radio("law.kind", name, `${title}: ${equation}`));
     const part = create("div", "", control({ key: "law.kind", label: "law", form: "choice", help: "" }, choices));
     const place = this.#panel.querySelector("#law-knobs");
@@ -294,8 +294,8 @@ export class Knobs {
     this.#law = null;
   }
 
-  /** Makes the knobs of a law: its own, and a group for each table of the scenario below them. */
-  #take(law) {
+  /** Makes the knobs of a law, with a group for each subtable of the scenario. */
+  #setLaw(law) {
     this.#law = law;
     for (const element of this.#panel.querySelectorAll(".of-law")) element.remove();
     const groups = Map.groupBy(law?.parameters ?? [], ({ key }) => key.split(".").slice(1, -1).join(" "));
@@ -311,7 +311,7 @@ export class Knobs {
     this.#panel.querySelector("#plant-knobs").before(...others);
   }
 
-  #deed(name) {
+  #action(name) {
     if (name === "pause") return this.#paused ? "resume" : "pause";
     if (name !== "kick") return name;
     const field = (id) => this.#panel.querySelector(`#${id}`);
@@ -328,18 +328,18 @@ export class Knobs {
     this.#status.hidden = answer.accepted;
   }
 
-  /** Takes what the monitor says of itself. */
-  greet(hello) {
+  /** Takes the session of the monitor. */
+  setSession(hello) {
     this.#readOnly = hello.read_only;
     this.#showLock();
-    if (JSON.stringify(hello.laws) !== JSON.stringify(this.#laws)) this.#offer(hello.laws);
+    if (JSON.stringify(hello.laws) !== JSON.stringify(this.#laws)) this.#setLaws(hello.laws);
   }
 
   /** Takes the values in effect. */
-  adopt(scenario) {
+  setScenario(scenario) {
     const law = this.#laws.find(({ name }) => name === scenario.knobs["law.kind"]);
-    if (law !== this.#law) this.#take(law);
-    for (const knob of [...this.#knobs, ...this.#lawKnobs]) knob.adopt(scenario.knobs[knob.key]);
+    if (law !== this.#law) this.#setLaw(law);
+    for (const knob of [...this.#knobs, ...this.#lawKnobs]) knob.setValue(scenario.knobs[knob.key]);
     const joint = this.#panel.querySelector("#kick-joint");
     if (joint.options.length !== scenario.joints) {
       joint.replaceChildren(...Array.from({ length: scenario.joints }, (_, i) => new Option(`joint ${i + 1}`)));
@@ -350,22 +350,22 @@ export class Knobs {
     }
   }
 
-  /** Takes where the run is. */
-  hear(phase) {
+  /** Takes the phase of the run. */
+  setPhase(phase) {
     const paused = phase === "paused";
     if (paused === this.#paused) return;
     this.#paused = paused;
     this.#panel.querySelector("button[data-do=pause]").textContent = paused ? "Resume run" : "Pause run";
   }
 
-  /** Asks the plant for a change; always has an answer. */
+  /** Sends a request to the plant; the result is always an answer. */
   async post(knob) {
     try {
       const response = await fetch("/knob", {
         method: "POST",
         headers: { "Content-Type": "application/json", Authorization: `Bearer ${this.#token}` },
         body: JSON.stringify(knob),
-        signal: AbortSignal.timeout(PATIENCE),
+        signal: AbortSignal.timeout(TIMEOUT),
       });
       const answer = await response.json().catch(() => ({}));
       if (response.status === 401) {
@@ -389,7 +389,7 @@ export class Knobs {
   }
 }
 
-/** Whether `key=value` is what the scenario has. */
+/** Whether the scenario has this `key=value`. */
 function isInEffect(set, knobs) {
   const [key, value] = set.split("=");
   const now = knobs[key] ?? "none";

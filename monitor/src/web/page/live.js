@@ -1,26 +1,26 @@
-// The connection to the monitor: hears what it says, and comes back by itself when it is lost.
+// The connection to the monitor: receives its messages, and reconnects when it is lost.
 
-/** Nothing heard for so long counts as lost, ms; the monitor speaks twenty times a second. */
+/** Without a message for this long the connection is lost, ms; the monitor sends twenty a second. */
 const SILENCE = 4_000;
-/** Waits between attempts, ms: doubled from the first to the longest, and never twice the same. */
+/** Time between attempts, ms: doubled from the first to the longest, with a random part. */
 const FIRST_WAIT = 250;
 const LONGEST_WAIT = 5_000;
 
-/** Says "message" (with the object in `detail`), "open" and "lost" (with the ms until the next attempt). */
+/** Dispatches "message" (with the object in `detail`), "open" and "lost" (with the ms until the next attempt). */
 export class Live extends EventTarget {
   connected = false;
   #address;
   #socket = null;
   #wait = FIRST_WAIT;
-  #heard = 0;
+  #lastMessage = 0;
   #retry = null;
 
-  /** `address` is a function: on coming back the page asks for what it does not have yet. */
+  /** `address` is a function: when it reconnects, the page asks for what it does not have yet. */
   constructor(address) {
     super();
     this.#address = address;
     setInterval(() => this.#checkSilence(), 1_000);
-    // A page that is shown again, or a network that returns, should not wait.
+    // Reconnect at once when the page is shown again or the network returns.
     for (const event of ["online", "focus"]) addEventListener(event, () => this.#retryNow());
     document.addEventListener("visibilitychange", () => document.hidden || this.#retryNow());
     this.#connect();
@@ -30,14 +30,14 @@ export class Live extends EventTarget {
     this.#retry = null;
     const socket = new WebSocket(this.#address());
     this.#socket = socket;
-    this.#heard = performance.now();
-    socket.addEventListener("message", (event) => this.#hear(socket, event));
-    socket.addEventListener("close", () => this.#lose(socket));
+    this.#lastMessage = performance.now();
+    socket.addEventListener("message", (event) => this.#receive(socket, event));
+    socket.addEventListener("close", () => this.#disconnect(socket));
   }
 
-  #hear(socket, event) {
+  #receive(socket, event) {
     if (socket !== this.#socket) return;
-    this.#heard = performance.now();
+    this.#lastMessage = performance.now();
     if (!this.connected) {
       this.connected = true;
       this.#wait = FIRST_WAIT;
@@ -46,7 +46,7 @@ export class Live extends EventTarget {
     this.dispatchEvent(new CustomEvent("message", { detail: JSON.parse(event.data) }));
   }
 
-  #lose(socket) {
+  #disconnect(socket) {
     if (socket !== this.#socket) return;
     this.connected = false;
     this.#socket = null;
@@ -58,10 +58,10 @@ export class Live extends EventTarget {
 
   #checkSilence() {
     const socket = this.#socket;
-    if (!socket || performance.now() - this.#heard < SILENCE) return;
-    // Closing a dead connection properly can take a minute; it is given up instead.
+    if (!socket || performance.now() - this.#lastMessage < SILENCE) return;
+    // Closing a dead connection properly can take a minute.
     socket.close();
-    this.#lose(socket);
+    this.#disconnect(socket);
   }
 
   #retryNow() {

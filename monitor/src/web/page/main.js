@@ -1,8 +1,7 @@
-// Puts the page together: what the monitor says goes into the store, and from there onto the screen.
+// The page: messages of the monitor go into the store, and from there to the screen.
 //
-// For tests and for the console, `window.mtj` is what the page knows: `store` (bins, poses, marks; see
-// store.js), `view` (span and cursor; see view.js), `live.connected`, and `drawn`, how many pictures
-// were drawn so far.
+// For tests and the console, `window.mtj` holds `store` (bins, poses, marks; see store.js), `view` (time
+// span and cursor; see view.js), `live.connected`, and `drawn`, the number of frames drawn so far.
 
 import { Alarm } from "./alarm.js";
 import { Arm } from "./arm.js";
@@ -14,19 +13,19 @@ import { Knobs } from "./knobs.js";
 import { Live } from "./live.js";
 import { Palette } from "./palette.js";
 import { Counts, Roles } from "./roles.js";
-import { Lane, Ruler } from "./ruler.js";
+import { Markers, Ruler } from "./ruler.js";
 import { Store } from "./store.js";
 import { Strip } from "./strip.js";
 import { View } from "./view.js";
 
-/** Least time between pictures, ms: twenty-five a second, or two if the user wants little motion. */
+/** Shortest time between frames, ms: twenty-five a second, or two if the user wants little motion. */
 const FRAME = 40;
-const CALM_FRAME = 500;
-/** Pictures take this part of the time at most, as long as there are eight a second: a browser without
- * graphics hardware draws fewer of them. */
+const REDUCED_FRAME = 500;
+/** The largest part of the time that drawing takes, as long as there are eight frames a second: a browser
+ * without graphics hardware draws fewer. */
 const SHARE = 0.4;
 const SLOWEST_FRAME = 125;
-/** Least time between readings of numbers, ms: faster nobody reads. */
+/** Shortest time between updates of numbers, ms: a reader needs that long. */
 const READING = 200;
 
 const $ = (id) => document.getElementById(id);
@@ -46,7 +45,7 @@ const session = {
 };
 
 let strips = [];
-const lane = new Lane($("lane"), session);
+const markers = new Markers($("markers"), session);
 const ruler = new Ruler($("ruler"), session);
 const arm = new Arm($("arm"), $("lens"), session);
 const histogram = new Histogram($("histogram"), session);
@@ -56,7 +55,7 @@ const alarm = new Alarm($("banner"));
 const knobs = new Knobs($("knobs"));
 const follow = attachGestures($("charts"), view, (canvas) => strips.find((strip) => strip.canvas === canvas)?.columns);
 
-// Drawing: on demand, never more often than a frame's time, and not at all while nobody looks.
+// Drawing: on demand, at most once a frame, and not while the page is hidden.
 
 let waiting = false;
 let lastDrawn = -Infinity;
@@ -69,7 +68,7 @@ window.mtj = page;
 function redraw() {
   if (waiting) return;
   waiting = true;
-  const pace = Math.max(calm.matches ? CALM_FRAME : FRAME, Math.min(cost / SHARE, SLOWEST_FRAME));
+  const pace = Math.max(calm.matches ? REDUCED_FRAME : FRAME, Math.min(cost / SHARE, SLOWEST_FRAME));
   const pause = lastDrawn + pace - performance.now();
   setTimeout(() => requestAnimationFrame(draw), Math.max(0, pause));
 }
@@ -79,11 +78,11 @@ function draw() {
   const now = performance.now();
   lastDrawn = now;
   page.drawn += 1;
-  // What comes after this frame comes after the browser has put it on the screen.
+  // The timeout runs after the browser has shown the frame, so the cost includes that.
   setTimeout(() => (cost += (performance.now() - now - cost) / 8));
   follow();
   for (const part of strips) part.draw();
-  lane.draw();
+  markers.draw();
   ruler.draw();
   arm.draw();
   if (now - lastRead < READING) return;
@@ -94,34 +93,37 @@ function draw() {
 
 /** Writes the numbers that have no curves. */
 function read(now) {
-  roles.hear(now);
-  counts.hear(now);
+  roles.update(now);
+  counts.update(now);
   showSpreads($("spreads"), now);
   write("law", now.law ?? "–");
   write("time", `${now.time.toFixed(1)} s`);
 }
 
-// What the monitor says.
+// The messages of the monitor.
 
-const hear = {
+const handlers = {
   hello(hello) {
-    roles.greet(hello);
-    knobs.greet(hello);
+    roles.setSession(hello);
+    knobs.setSession(hello);
     layOut(hello.laws);
   },
   scenario(scenario) {
     const before = store.scenario;
     const another = scenario.run !== store.run;
     store.begin(scenario);
-    if (another) view.follow();
-    if (another || JSON.stringify(before.torque_limit) !== JSON.stringify(scenario.torque_limit)) {
-      for (const strip of strips) strip.adopt(scenario);
+    if (another) {
+      view.follow();
+      showChanges();
     }
-    if (another || JSON.stringify(before.path) !== JSON.stringify(scenario.path)) arm.adopt(scenario);
+    if (another || JSON.stringify(before.torque_limit) !== JSON.stringify(scenario.torque_limit)) {
+      for (const strip of strips) strip.setScenario(scenario);
+    }
+    if (another || JSON.stringify(before.path) !== JSON.stringify(scenario.path)) arm.setScenario(scenario);
     hideCharts(scenario);
     $("scenario").textContent = scenario.name;
     $("clock").textContent = `${scenario.clock}, Tₛ = ${scenario.knobs["timing.sample_period"]}`;
-    knobs.adopt(scenario);
+    knobs.setScenario(scenario);
     redraw();
   },
   bins(bins) {
@@ -132,33 +134,37 @@ const hear = {
     if (now.arm) store.pose({ time: now.time, arm: now.arm, true_arm: now.true_arm, desired: now.desired });
     newest = now;
     alarm.show(now.alarm);
-    histogram.hear(now);
-    knobs.hear(now.phase);
+    histogram.update(now);
+    knobs.setPhase(now.phase);
+    if (now.joined?.time !== joined?.time) {
+      joined = now.joined;
+      showChanges();
+    }
     write("phase", now.phase ?? "no plant");
     $("status").dataset.phase = now.phase ?? "none";
     redraw();
   },
   mark(mark) {
     store.mark(mark);
-    log();
+    showChanges();
     redraw();
   },
 };
 
 let laws = "";
 
-/** Makes the charts for what the laws show, unless they are the same as before a reconnection. */
+/** Makes the charts of the laws, unless they are the same as before a reconnection. */
 function layOut(described) {
   if (JSON.stringify(described) === laws) return;
   laws = JSON.stringify(described);
   strips = charts(described).map((definition) => new Strip(definition, session));
   $("strips").replaceChildren(...strips.map((strip) => strip.element));
   if (!store.scenario) return;
-  for (const strip of strips) strip.adopt(store.scenario);
+  for (const strip of strips) strip.setScenario(store.scenario);
   hideCharts(store.scenario);
 }
 
-/** Charts of what the law in effect does not have take no room. */
+/** Hides the charts of signals that the law in effect does not have. */
 function hideCharts(scenario) {
   for (const strip of strips) strip.element.hidden = !strip.applies(scenario);
 }
@@ -167,16 +173,26 @@ function write(id, text) {
   if ($(id).textContent !== text) $(id).textContent = text;
 }
 
-/** The newest changes in words. */
-function log() {
-  const items = store.marks.slice(-12).reverse().map((mark) => {
+/** When the monitor joined the run: {time, words}; null if it was there from the start. */
+let joined = null;
+
+/** Lists the newest changes, and when the monitor joined: earlier changes are not known. */
+function showChanges() {
+  const entries = store.marks.map(({ time, accepted, words, reason }) => ({
+    time,
+    words: accepted ? words : `refused: ${(reason ?? words).replace(/^--set: /, "")}`,
+    refused: !accepted,
+  }));
+  if (joined) entries.push(joined);
+  entries.sort((a, b) => b.time - a.time);
+  const items = entries.slice(0, 12).map(({ time, words, refused = false }) => {
     const item = document.createElement("li");
-    const time = document.createElement("time");
-    time.textContent = `${mark.time.toFixed(1)} s`;
-    const words = document.createElement("span");
-    words.textContent = mark.accepted ? mark.words : `refused: ${(mark.reason ?? mark.words).replace(/^--set: /, "")}`;
-    item.append(time, words);
-    item.classList.toggle("refused", !mark.accepted);
+    const when = document.createElement("time");
+    when.textContent = `${time.toFixed(1)} s`;
+    const what = document.createElement("span");
+    what.textContent = words;
+    item.append(when, what);
+    item.classList.toggle("refused", refused);
     return item;
   });
   $("changes").replaceChildren(...items);
@@ -184,11 +200,11 @@ function log() {
 
 const address = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`;
 page.live = new Live(() => (store.length > 0 ? `${address}?run=${store.run}&since=${store.newest}` : address));
-page.live.addEventListener("message", ({ detail }) => hear[detail.kind]?.(detail));
+page.live.addEventListener("message", ({ detail }) => handlers[detail.kind]?.(detail));
 page.live.addEventListener("lost", () => {
   alarm.show({ code: "no_monitor", sentence: "" });
   newest = null;
-  roles.lose();
+  roles.disconnect();
 });
 
 // The buttons above the charts.
@@ -199,7 +215,7 @@ for (const button of document.querySelectorAll("button[data-range]")) {
 $("hold").addEventListener("click", () => (view.following ? view.hold() : view.follow()));
 $("follow").addEventListener("click", () => view.follow());
 $("csv").addEventListener("click", () => downloadCsv(session, strips.filter((strip) => !strip.element.hidden)));
-$("png").addEventListener("click", () => downloadPng(session, lane.canvas, strips, ruler.canvas));
+$("png").addEventListener("click", () => downloadPng(session, markers.canvas, strips, ruler.canvas));
 view.addEventListener("change", () => {
   for (const button of document.querySelectorAll("button[data-range]")) {
     button.setAttribute("aria-pressed", Number(button.dataset.range) === view.range);

@@ -1,8 +1,8 @@
-// The colours of the canvases, as the style sheet has them for the theme in effect.
+// The colours of the canvases: those of the style sheet for the current theme.
 
 const ORDER = ["auto", "light", "dark"];
 
-/** Reads the style sheet's colours anew whenever the theme changes, and then says "change". */
+/** Reads the style sheet's colours whenever the theme changes, and dispatches "change". */
 export class Palette extends EventTarget {
   #colours = new Map();
 
@@ -51,7 +51,7 @@ export class Palette extends EventTarget {
   }
 }
 
-// A browser that is told to keep nothing throws; the choice then lasts as long as the page.
+// A browser that may not store anything throws; the choice then lasts as long as the page.
 
 function kept() {
   try {
@@ -65,6 +65,6 @@ function keep(theme) {
   try {
     localStorage.setItem("mtj.theme", theme);
   } catch {
-    // Nothing to be done, and nothing lost that matters.
+    // The choice is not kept, which does not matter.
   }
 }

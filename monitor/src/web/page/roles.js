@@ -1,4 +1,4 @@
-// Who takes part, and what was counted.
+// The roles of the session, and the counts of the run.
 
 import { span } from "./axis.js";
 
@@ -28,13 +28,13 @@ export class Roles {
     this.#show("monitor", "absent", "");
   }
 
-  /** Takes what the monitor says of itself. */
-  greet(hello) {
+  /** Takes the session of the monitor. */
+  setSession(hello) {
     this.#session = hello;
   }
 
-  /** Takes what is known of the roles now. */
-  hear(now) {
+  /** Takes the state of the session. */
+  update(now) {
     for (const role of now.roles) {
       const about = [];
       if (role.role === "controller" && now.law) about.push(`law ${now.law}`);
@@ -51,8 +51,8 @@ export class Roles {
     this.#show("monitor", "connected", `session ${session} over ${bus} · ${others} · mtj ${version}`);
   }
 
-  /** The monitor itself does not answer. */
-  lose() {
+  /** Shows that the connection to the monitor is lost. */
+  disconnect() {
     this.#show("monitor", "silent", "trying to reach it");
   }
 
@@ -65,30 +65,30 @@ export class Roles {
   }
 }
 
-/** Counts of the run, and how many of them fall into the view. */
+/** The counts of the run, and their increase within the view. */
 export class Counts {
-  #cells;
+  #items;
   #session;
 
   constructor(list, session) {
     this.#session = session;
-    this.#cells = [...list.querySelectorAll("[data-count]")];
+    this.#items = [...list.querySelectorAll("[data-count]")];
   }
 
-  hear(now) {
+  update(now) {
     const { store, view } = this.#session;
-    for (const cell of this.#cells) {
-      const name = cell.dataset.count;
+    for (const item of this.#items) {
+      const name = item.dataset.count;
       const parts = name.split(" ").map((part) => now.counts?.[part]);
       const count = parts[0] == null ? null : parts.reduce((sum, part) => sum + (part ?? 0), 0);
-      const inView = cell.dataset.series && store.extent(cell.dataset.series, view.end - view.range, view.end);
+      const inView = item.dataset.series && store.extent(item.dataset.series, view.end - view.range, view.end);
       const more = inView ? Math.round(inView.max - inView.min) : 0;
       const text = count == null ? "–" : count.toLocaleString("en").replaceAll(",", "\u202f");
-      const [number, recent] = cell.querySelectorAll("b, small");
+      const [number, recent] = item.querySelectorAll("b, small");
       if (number.textContent !== text) number.textContent = text;
       if (recent) recent.textContent = more > 0 ? `+${more}` : "";
-      cell.classList.toggle("some", more > 0);
-      if (inView) cell.title = more > 0 ? `${more} of them in view` : "";
+      item.classList.toggle("some", more > 0);
+      if (inView) item.title = more > 0 ? `${more} of them in view` : "";
     }
   }
 }

@@ -1,4 +1,4 @@
-// What all charts share: the lane of marks above them, and the ruler of time below.
+// What all charts share: the descriptions of changes above them, and the time axis below.
 
 import { timeTicks } from "./axis.js";
 import { Surface, rule } from "./canvas.js";
@@ -56,15 +56,15 @@ export class Ruler {
 const ROW = 16;
 const ROWS = 2;
 
-/** At most so many characters say what a mark is; the list of changes has the whole. */
+/** The longest description of a change above the charts, characters; the list of changes has all of it. */
 const LONGEST = 46;
 
 function shortened(words) {
   return words.length > LONGEST ? `${words.slice(0, LONGEST - 1)}…` : words;
 }
 
-/** Says in words what happened at the marks; where there is no room the newest have it. */
-export class Lane {
+/** Describes the changes in view; where space is short, the newest ones. */
+export class Markers {
   #surface;
   #session;
 
@@ -85,7 +85,7 @@ export class Lane {
     context.textAlign = "left";
     context.textBaseline = "middle";
     context.lineWidth = 1;
-    // Each row is free up to here, coming from the right; no words are written across a line.
+    // Each row is free up to here, coming from the right; no text crosses a line.
     const free = Array(ROWS).fill(surface.width);
     const lines = [];
     for (const mark of store.marks.filter(({ time }) => columns.contains(time)).reverse()) {

@@ -1,15 +1,15 @@
-// What the page knows: the bins of the last ten minutes, the poses of the arm, the marks.
+// The data of the page: the bins of the last ten minutes, the poses of the arm, the changes (marks).
 
 /** How many bins are kept: ten minutes of 10 ms bins and a little. */
 const KEPT = 61_000;
-/** Room in the arrays; only when it is used up the oldest bins are moved out, all at once. */
+/** Length of the arrays; when they are full, the oldest bins are removed, all at once. */
 const ROOM = 80_000;
-/** How many poses are kept: ten minutes of them at 20 a second. */
+/** How many poses are kept: ten minutes at 20 a second. */
 const POSES = 12_000;
-/** Marks are few; this bounds them all the same. */
+/** The most marks that are kept. */
 const MARKS = 1_000;
 
-/** The smallest and the largest sample of each bin, one array of each per series, oldest first. */
+/** Minimum and maximum of each bin, one array of each per series, oldest first. */
 export class Store {
   run = null;
   scenario = null;
@@ -20,7 +20,7 @@ export class Store {
   length = 0;
   series = new Map();
 
-  /** Takes a scenario; if it belongs to another run, everything of the run before is forgotten. */
+  /** Takes a scenario; a new run removes everything of the last one. */
   begin(scenario) {
     if (scenario.run !== this.run) {
       this.run = scenario.run;
@@ -32,7 +32,7 @@ export class Store {
     this.scenario = scenario;
   }
 
-  /** Takes bins; those that are known already, from before a reconnection, are passed over. */
+  /** Takes bins, except those that it has from before a reconnection. */
   append({ t, series }) {
     let first = 0;
     if (this.length > 0) while (first < t.length && t[first] <= this.newest) first += 1;
@@ -67,7 +67,7 @@ export class Store {
     this.length -= from;
   }
 
-  /** Takes a mark, unless it is known. */
+  /** Takes a mark, unless it has it. */
   mark(mark) {
     const known = this.marks.some((m) => m.time === mark.time && m.words === mark.words && m.accepted === mark.accepted);
     if (known) return;
@@ -76,7 +76,7 @@ export class Store {
     if (this.marks.length > MARKS) this.marks.shift();
   }
 
-  /** Takes the arm's pose at an instant. */
+  /** Takes a pose of the arm. */
   pose(pose) {
     const last = this.poses.at(-1);
     if (last && pose.time <= last.time) this.poses.pop();
@@ -106,7 +106,7 @@ export class Store {
     return low;
   }
 
-  /** The pose at an instant, or the last before it; none if it is older than what was seen. */
+  /** The last pose up to a time; null if there is none. */
   poseAt(time) {
     let low = 0;
     let high = this.poses.length;
@@ -118,7 +118,7 @@ export class Store {
     return low > 0 ? this.poses[low - 1] : null;
   }
 
-  /** Smallest and largest sample of a series in a span of time; null if it has none there. */
+  /** Minimum and maximum of a series in a time span; null without samples. */
   extent(name, from, to) {
     const series = this.series.get(name);
     if (!series) return null;
@@ -131,7 +131,7 @@ export class Store {
     return min <= max ? { min, max } : null;
   }
 
-  /** Root mean square of a series in a span of time; of a bin with many samples its two extremes count. */
+  /** Root mean square of a series in a time span, from the two extremes of each bin. */
   rms(name, from, to) {
     const series = this.series.get(name);
     if (!series) return null;
@@ -144,7 +144,7 @@ export class Store {
     return count > 0 ? Math.sqrt(sum / count) : null;
   }
 
-  /** The bin of a series that is nearest to an instant, within `reach` seconds. */
+  /** The bin of a series nearest to a time, within `reach` seconds. */
   nearest(name, time, reach) {
     const series = this.series.get(name);
     if (!series) return null;
@@ -164,8 +164,8 @@ export class Store {
   }
 
   /**
-   * Fills `low` and `high` with a series as it looks in columns of `step` seconds from `from` on:
-   * the smallest and the largest sample in each, NaN where there is none.
+   * Fills `low` and `high` with minimum and maximum of a series in each column of `step` seconds from
+   * `from` on; NaN without samples.
    */
   envelope(name, from, step, low, high) {
     low.fill(NaN);

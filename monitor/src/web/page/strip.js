@@ -1,8 +1,8 @@
-// A strip chart: series over time, with their limits, the marks and the cursor.
+// A strip chart: series over time, with their limits, the changes and the cursor.
 //
-// Every pixel column shows the smallest and the largest sample that fall into it, so no peak is lost
-// however much time is in view. Columns begin at whole multiples of their width in time: a picture
-// that moves does not shimmer, and is drawn anew only when it has moved by a pixel.
+// Every pixel column shows the minimum and the maximum of its samples, so no peak is lost however much
+// time is in view. Columns begin at whole multiples of their width in time: a chart that moves does not
+// shimmer, and is drawn again only when it has moved by a pixel.
 
 import { linearAxis, logarithmicAxis, quantity, timeTicks } from "./axis.js";
 import { Surface, rule } from "./canvas.js";
@@ -23,12 +23,12 @@ export class Columns {
     this.to = (this.last + 1) * this.step;
   }
 
-  /** Where an instant is, CSS pixels from the canvas's left. */
+  /** The position of a time, CSS pixels from the canvas's left. */
   x(time) {
     return this.left + (time - this.from) / this.step;
   }
 
-  /** Which instant is there. */
+  /** The time at a position. */
   time(x) {
     return this.from + (x - this.left) * this.step;
   }
@@ -92,8 +92,8 @@ export class Strip {
     return this.#unit;
   }
 
-  /** Makes the legend for a scenario: how many joints and axes there are, and what limits. */
-  adopt(scenario) {
+  /** Makes the legend for the joints, the axes and the limits of a scenario. */
+  setScenario(scenario) {
     const { unit } = this.#definition;
     this.#unit = typeof unit === "function" ? unit(scenario) : unit;
     this.#series = this.#definition.series(scenario);
@@ -115,7 +115,7 @@ export class Strip {
     }
   }
 
-  /** Whether the chart is worth its place now. */
+  /** Whether the law in effect has what the chart shows. */
   applies(scenario) {
     return this.#definition.applies?.(scenario) ?? true;
   }
@@ -134,7 +134,7 @@ export class Strip {
     write(this.#mean, quantity(rms, this.#unit));
   }
 
-  /** Draws, if there is anything new to see. */
+  /** Draws if anything has changed. */
   draw() {
     const { store, view, palette } = this.#session;
     const surface = this.#surface;
@@ -166,7 +166,7 @@ export class Strip {
     context.restore();
   }
 
-  /** Draws even if nothing is new: the theme or the data before the view changed. */
+  /** Draws at the next chance even if nothing has changed: the theme or old data have. */
   forget() {
     this.#shown = "";
   }
@@ -274,7 +274,7 @@ export class Strip {
       if (Number.isNaN(low[i])) continue;
       const x = columns.left + i + 0.5;
       let [start, end] = [y(low[i] * series.factor), y(high[i] * series.factor)];
-      // From the line before to the nearer end of this column's, so that joints do not cross it.
+      // From the last column's line to the nearer end of this one, so that the connection does not cross it.
       if (Math.abs(end - from) < Math.abs(start - from)) [start, end] = [end, start];
       if (i - before > Math.max(gap, 2)) {
         context.moveTo(x, start - 0.5);
@@ -290,7 +290,7 @@ export class Strip {
   }
 }
 
-/** An entry of the legend that belongs to no line. */
+/** An entry of the legend without a line. */
 function entry(...parts) {
   const item = document.createElement("li");
   item.append(...parts);
@@ -301,7 +301,7 @@ function write(output, text) {
   if (output.textContent !== text) output.textContent = text;
 }
 
-/** Vertical lines where the loop was changed, or was not although somebody wished it. */
+/** Vertical lines at accepted and at refused changes. */
 function drawMarks(context, columns, marks, height, palette) {
   context.save();
   context.lineWidth = 1;
@@ -316,7 +316,7 @@ function drawMarks(context, columns, marks, height, palette) {
   context.restore();
 }
 
-/** The cursor, at the same instant in all charts. */
+/** The cursor, at the same time in all charts. */
 function drawCursor(context, columns, time, height, palette) {
   if (time === null || !columns.contains(time)) return;
   context.strokeStyle = palette.colour("cursor");

@@ -1,4 +1,4 @@
-// The token that turns knobs: it comes in the address, behind the #, and does not stay there.
+// The token that requests need: it comes in the address, after the #, and is removed from there.
 
 const KEY = "mtj.token";
 
@@ -10,7 +10,7 @@ export function token() {
     if (given) sessionStorage.setItem(KEY, decodeURIComponent(given));
     return sessionStorage.getItem(KEY);
   } catch {
-    // A browser that is told to keep nothing: the token lasts until the page is loaded again.
+    // A browser that may not store anything: the token lasts until the page is loaded again.
     return given ?? null;
   }
 }
@@ -20,6 +20,6 @@ export function forgetToken() {
   try {
     sessionStorage.removeItem(KEY);
   } catch {
-    // There is none, then.
+    // A browser that may not store anything has stored no token.
   }
 }

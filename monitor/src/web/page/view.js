@@ -1,12 +1,12 @@
-// The view: which span of time all charts show, and where the cursor is.
+// The view: the time span of all charts, and the cursor.
 
-/** The spans that there are buttons for, s. */
+/** The time spans with a button, s. */
 export const RANGES = [5, 20, 60, 600];
 
-/** Follows the newest data, or holds still at an instant. Says "change" when anything of it changes. */
+/** Follows the newest data, or stands still. Dispatches "change" when any of it changes. */
 export class View extends EventTarget {
   range = 20;
-  /** Where the cursor is, s; null if nowhere. */
+  /** The time of the cursor, s; null without one. */
   cursor = null;
   #end = null;
   #store;
@@ -25,17 +25,17 @@ export class View extends EventTarget {
     return this.#end ?? this.#store.newest;
   }
 
-  /** The instant that single numbers are about: the cursor's, or the last one. */
+  /** The time of the numbers in the legends: the cursor's, or the last one in view. */
   get instant() {
     return this.cursor ?? this.end;
   }
 
-  /** Freezes the view; data goes on. */
+  /** Stops the view; data goes on. */
   hold() {
     if (this.#end === null) this.#move(this.#store.newest);
   }
 
-  /** Goes to the newest data and stays with it. */
+  /** Follows the newest data. */
   follow() {
     this.#move(null);
   }
@@ -47,7 +47,7 @@ export class View extends EventTarget {
     this.#move(Math.max(end, this.#store.oldest + Math.min(this.range, 1)));
   }
 
-  /** Shows a span of so many seconds; what is at the right stays there. */
+  /** Sets the time span, s; the right end stays. */
   show(range) {
     this.range = Math.min(600, Math.max(1, range));
     this.#changed();

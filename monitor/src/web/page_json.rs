@@ -22,26 +22,26 @@ use serde::{
 use serde_json::{Value, json};
 
 use super::{
-    Place,
-    board::{Board, News},
+    SessionInfo,
     history::{Bin, WIDTH_NS},
-    series::Table,
+    series::SeriesIndex,
+    store::{Store, Update},
 };
-use crate::overview::{Alarm, Overview, Party, Phase};
+use crate::overview::{Alarm, Overview, Phase, RoleStatus};
 
-/// A role that says nothing at all for so long is silent, whatever the phase.
+/// A role without a message for this long is silent, whatever the phase.
 const SILENT: Duration = Duration::from_millis(2500);
-/// Of a histogram: bins of equal width on a logarithmic axis, a decade.
+/// Histogram bins in a decade; they have equal width on a logarithmic axis.
 const BINS_A_DECADE: i32 = 10;
-/// Of a histogram: 1 µs to 1 s.
+/// Decades of a histogram, from 1 µs to 1 s.
 const DECADES: i32 = 6;
 
-/// Which session this is, and which laws there are.
-pub fn hello(place: &Place, read_only: bool) -> String {
+/// The first message: the session and the laws.
+pub(super) fn hello(index: &SessionInfo, read_only: bool) -> String {
     json!({
         "kind": "hello",
-        "session": place.session,
-        "bus": place.bus,
+        "session": index.session,
+        "bus": index.bus,
         "version": env!("CARGO_PKG_VERSION"),
         "read_only": read_only,
         "laws": LAWS.iter().map(|law| described(law)).collect::<Vec<_>>(),
@@ -49,7 +49,7 @@ pub fn hello(place: &Place, read_only: bool) -> String {
     .to_string()
 }
 
-/// A law with its knobs and its plots.
+/// A law with its parameters and its signals.
 fn described(law: &Description) -> Value {
     json!({
         "name": law.name,
@@ -60,7 +60,7 @@ fn described(law: &Description) -> Value {
     })
 }
 
-/// All keys that a law reads: its own, and those of memory and prediction.
+/// All parameters of a law: its own, and those of memory and prediction.
 fn parameters(law: &Description) -> impl Iterator<Item = &'static Parameter> {
     let memory = if law.has_memory { MEMORY } else { &[] };
     memory.iter().chain(PREDICTION).chain(law.parameters)
@@ -112,8 +112,8 @@ fn axis(axis: &task::Axis) -> Value {
     json!({ "name": axis.name, "unit": axis.unit })
 }
 
-/// What the plant offers.
-pub fn scenario(offered: &Offered) -> String {
+/// A scenario.
+pub(super) fn scenario(offered: &Offered) -> String {
     let scenario = &offered.scenario;
     let limits = &scenario.safety.torque_limit;
     let scene = Scene::new(scenario);
@@ -133,12 +133,12 @@ pub fn scenario(offered: &Offered) -> String {
     .to_string()
 }
 
-/// It is a line on a screen.
+/// Rounds a point of a line on the screen.
 fn to_the_micrometre(point: Point) -> Point {
     point.map(|x| (x * 1e6).round() / 1e6)
 }
 
-/// The knobs' positions, each as it would be set.
+/// The values of all knobs, each as it would be set.
 fn knobs(scenario: &Scenario) -> Value {
     let mut knobs = json!({
         "law.kind": scenario.law.law.description().name,
@@ -154,25 +154,25 @@ fn knobs(scenario: &Scenario) -> Value {
     knobs
 }
 
-/// A duration without the blank before its unit.
+/// A duration without the space before its unit.
 fn words(length: Duration) -> String {
     if length.is_zero() { "0ms".to_owned() } else { duration::format(length).replace(' ', "") }
 }
 
-/// The bins of some news.
-pub fn bins(News { table, bins, span, .. }: &News) -> String {
+/// The bins of an update.
+pub(super) fn bins(Update { index, bins, span, .. }: &Update) -> String {
     let bins = BinsMessage {
         kind: "bins",
         width: seconds(*span),
         t: Starts(bins),
-        series: Curves { table, bins },
+        series: Curves { index, bins },
     };
-    // Fails only where a map's keys are no strings.
+    // Fails only if a map's keys are not strings.
     serde_json::to_string(&bins).unwrap_or_default()
 }
 
 fn seconds(bins: u64) -> f64 {
-    // Divided, not multiplied: that is the number nearest to the decimal fraction.
+    // A division, since it gives the number nearest to the decimal fraction.
     bins as f64 / (1_000_000_000 / WIDTH_NS) as f64
 }
 
@@ -188,20 +188,20 @@ struct Starts<'a>(&'a [Bin]);
 
 impl Serialize for Starts<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(self.0.iter().map(|bin| seconds(bin.place)))
+        serializer.collect_seq(self.0.iter().map(|bin| seconds(bin.number)))
     }
 }
 
-/// The series that have a sample in any of the bins.
+/// The series that have a sample in at least one of the bins.
 struct Curves<'a> {
-    table: &'a Table,
+    index: &'a SeriesIndex,
     bins: &'a [Bin],
 }
 
 impl Serialize for Curves<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
-        for (series, name) in self.table.names().iter().enumerate() {
+        for (series, name) in self.index.names().iter().enumerate() {
             if self.bins.iter().any(|bin| !bin.ranges[series].is_empty()) {
                 map.serialize_entry(name, &Curve { bins: self.bins, series })?;
             }
@@ -225,7 +225,7 @@ impl Serialize for Curve<'_> {
     }
 }
 
-/// The lower or the upper edge of a curve; what is not a number becomes null.
+/// The lower or the upper edge of a curve; NaN becomes null.
 struct Edge<'a> {
     curve: &'a Curve<'a>,
     max: bool,
@@ -240,8 +240,8 @@ impl Serialize for Edge<'_> {
     }
 }
 
-/// A change, or one that was refused.
-pub fn mark(change: &ChangeSample) -> String {
+/// An accepted or refused change.
+pub(super) fn change(change: &ChangeSample) -> String {
     json!({
         "kind": "mark",
         "time": change.header.time_ns as f64 * 1e-9,
@@ -252,16 +252,20 @@ pub fn mark(change: &ChangeSample) -> String {
     .to_string()
 }
 
-/// How things are at this moment.
-pub fn now(board: &Board, dashboards: usize, with_histogram: bool) -> String {
-    let overview = &board.overview;
+/// The current state of the session.
+pub(super) fn now(store: &Store, dashboards: usize, with_histogram: bool) -> String {
+    let overview = &store.overview;
     let (state, status) = (overview.state.as_ref(), overview.status.as_ref());
-    let scene = board.readings.scene();
+    let scene = store.reader.scene();
     let alarm = overview.alarm();
     let mut now = json!({
         "kind": "now",
         "time": overview.time(),
-        "phase": overview.phase().map(phase),
+        "phase": overview.phase().map(Phase::name),
+        "joined": overview.joined().map(|joined| json!({
+            "time": joined.time_ns as f64 * 1e-9,
+            "words": joined.words(),
+        })),
         "alarm": alarm.map(|alarm| json!({ "code": code(alarm), "sentence": alarm.sentence() })),
         "arm": scene.zip(state).map(|(scene, state)| scene.points(&state.position)),
         "true_arm": scene.zip(status).map(|(scene, status)| scene.points(&status.position)),
@@ -277,7 +281,7 @@ pub fn now(board: &Board, dashboards: usize, with_histogram: bool) -> String {
             "timeouts": status.timeouts,
             "takeovers": status.takeovers,
             "missed_here": overview.missed,
-            "late_here": board.late(),
+            "late_here": store.late(),
         })),
         "round_trip": overview.round_trips.spread(),
         "residence": overview.residence.spread(),
@@ -295,15 +299,6 @@ pub fn now(board: &Board, dashboards: usize, with_histogram: bool) -> String {
     now.to_string()
 }
 
-fn phase(phase: Phase) -> &'static str {
-    match phase {
-        Phase::Waiting => "waiting",
-        Phase::Running => "running",
-        Phase::Finished => "finished",
-        Phase::Paused => "paused",
-    }
-}
-
 fn code(alarm: Alarm) -> &'static str {
     match alarm {
         Alarm::NoPlant => "no_plant",
@@ -313,19 +308,19 @@ fn code(alarm: Alarm) -> &'static str {
     }
 }
 
-fn role(name: &str, party: &Party, is_missed: bool) -> Value {
-    let state = match party.silence() {
+fn role(name: &str, status: &RoleStatus, has_alarm: bool) -> Value {
+    let state = match status.silence() {
         None => "absent",
-        Some(silence) if is_missed || silence > SILENT => "silent",
+        Some(silence) if has_alarm || silence > SILENT => "silent",
         Some(_) => "connected",
     };
     json!({
         "role": name,
         "state": state,
-        "since_s": party.since.map(|since| since.elapsed().as_secs_f64()),
-        "heard_s": party.silence().map(|silence| silence.as_secs_f64()),
-        "host": party.presence.as_ref().map(|presence| text_of(&presence.host)),
-        "process": party.presence.map(|presence| presence.process),
+        "since_s": status.age().map(|age| age.as_secs_f64()),
+        "heard_s": status.silence().map(|silence| silence.as_secs_f64()),
+        "host": status.presence.as_ref().map(|presence| text_of(&presence.host)),
+        "process": status.presence.map(|presence| presence.process),
     })
 }
 

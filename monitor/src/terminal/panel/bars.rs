@@ -1,4 +1,4 @@
-//! What frames the panels: title, facts, banner, keys.
+//! The lines above and below the panels: title, settings, banner, keys.
 
 use std::time::Duration;
 
@@ -12,42 +12,42 @@ use ratatui::{
     text::{Line, Span},
     widgets::{Paragraph, Widget, Wrap},
 };
+use tracing::Level;
 
-use super::{Picture, SMALLEST, figure, session, stack};
+use super::{Picture, SMALLEST, render_lines, session, three_digits};
 use crate::{
     overview::{Alarm, Phase},
-    terminal::palette::Ink,
+    terminal::palette::Tone,
 };
 
-/// What it is, and when.
-pub fn title(picture: &Picture, area: Rect, buf: &mut Buffer) {
+/// The title: session and scenario, phase and time.
+pub(super) fn title(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let scenario = picture.view.scenario().map_or("", |scenario| &scenario.name);
-    let mut left = vec![picture.ink("mtj ", Ink::Strong), Span::raw(picture.place)];
+    let mut left = vec![picture.styled("mtj ", Tone::Strong), Span::raw(picture.session)];
     if !scenario.is_empty() {
-        left.push(picture.ink(format!(" · {scenario}"), Ink::Faint));
+        left.push(picture.styled(format!(" · {scenario}"), Tone::Faint));
     }
     let mut right = vec![];
     if picture.is_held {
-        right.push(picture.ink(" view held ", Ink::Waiting));
+        right.push(picture.styled(" view held ", Tone::Waiting));
         right.push(Span::raw("  "));
     }
-    let (phase, ink) = match picture.view.overview.phase() {
-        None => ("no plant", Ink::Faint),
-        Some(Phase::Waiting) => ("waiting", Ink::Desired),
-        Some(Phase::Running) => ("running", Ink::Ok),
-        Some(Phase::Finished) => ("finished", Ink::Faint),
-        Some(Phase::Paused) => ("paused", Ink::Desired),
+    let phase = picture.view.overview.phase();
+    let tone = match phase {
+        Some(Phase::Running) => Tone::Ok,
+        Some(Phase::Waiting | Phase::Paused) => Tone::Desired,
+        Some(Phase::Finished) | None => Tone::Faint,
     };
-    right.push(picture.ink(phase, ink));
-    right.push(picture.ink(format!("  t {:.1} s", picture.view.overview.time()), Ink::Strong));
+    right.push(picture.styled(phase.map_or("no plant", Phase::name), tone));
+    right.push(picture.styled(format!("  t {:.1} s", picture.view.overview.time()), Tone::Strong));
     let right = Line::from(right);
     let width = (right.width() as u16).min(area.width);
     Line::from(left).render(Rect { width: area.width.saturating_sub(width + 1), ..area }, buf);
     right.render(Rect { x: area.right() - width, width, ..area }, buf);
 }
 
-/// How the loop is set.
-pub fn facts(picture: &Picture, area: Rect, buf: &mut Buffer) {
+/// The settings of the loop that matter most.
+pub(super) fn facts(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let mut facts = Vec::new();
     let overview = &picture.view.overview;
     if let Some(scenario) = picture.view.scenario() {
@@ -63,10 +63,11 @@ pub fn facts(picture: &Picture, area: Rect, buf: &mut Buffer) {
         }
         facts.push(("clock", scenario.timing.clock.name().to_owned()));
     }
-    // The first are the ones that matter; the last go where there is no room.
+    // In the order of importance; a narrow screen omits the last ones.
     let mut line = Line::default();
     for (name, value) in facts {
-        let fact = [picture.ink(format!("{name} "), Ink::Faint), Span::raw(format!("{value}  "))];
+        let fact =
+            [picture.styled(format!("{name} "), Tone::Faint), Span::raw(format!("{value}  "))];
         if line.width() + fact.iter().map(Span::width).sum::<usize>() > usize::from(area.width) + 2
         {
             break;
@@ -76,18 +77,18 @@ pub fn facts(picture: &Picture, area: Rect, buf: &mut Buffer) {
     line.render(area, buf);
 }
 
-/// As the plant measured it, and how much of it is emulated.
+/// The latency that the plant measured, and how much of it is emulated.
 fn latency(picture: &Picture, scenario: &Scenario) -> Option<(&'static str, String)> {
     let emulated = scenario.link.state.latency + scenario.link.torque.latency;
     let measured = picture.view.overview.state.as_ref().map_or(0, |state| state.latency_ns);
-    let mut words = format!("{} ms", figure(measured as f64 * 1e-6));
+    let mut words = format!("{} ms", three_digits(measured as f64 * 1e-6));
     if emulated > Duration::ZERO {
         words += &format!(" (emulated {emulated:?})");
     }
     (measured > 0).then_some(("latency", words))
 }
 
-/// The policy of the memory and the horizon of the prediction, where the law has them.
+/// The policy of the memory and the horizon of the prediction, if the law has them.
 fn memory_and_prediction(
     scenario: &Scenario,
     law: Option<&Description>,
@@ -99,63 +100,65 @@ fn memory_and_prediction(
     (policy, PREDICTION.first().and_then(word).filter(|horizon| horizon != "none"))
 }
 
-/// What should not go unnoticed.
-pub fn banner(picture: &Picture, alarm: Alarm, area: Rect, buf: &mut Buffer) {
-    let ink = match alarm {
-        Alarm::PlantSilent(_) | Alarm::ControllerSilent(_) => Ink::Alarm,
-        Alarm::NoPlant | Alarm::NoController => Ink::Waiting,
+/// The banner of an alarm.
+pub(super) fn banner(picture: &Picture, alarm: Alarm, area: Rect, buf: &mut Buffer) {
+    let tone = match alarm {
+        Alarm::PlantSilent(_) | Alarm::ControllerSilent(_) => Tone::Alarm,
+        Alarm::NoPlant | Alarm::NoController => Tone::Waiting,
     };
-    buf.set_style(area, picture.palette.style(ink));
-    Line::from(alarm.sentence()).centered().style(picture.palette.style(ink)).render(area, buf);
+    buf.set_style(area, picture.palette.style(tone));
+    Line::from(alarm.sentence()).centered().style(picture.palette.style(tone)).render(area, buf);
 }
 
-/// What can be pressed, and what there is to say besides: at least who is there, where nothing
-/// else says so.
-pub fn keys(picture: &Picture, has_roles: bool, area: Rect, buf: &mut Buffer) {
+/// The keys, and on the right a log line, missed samples or, if no panel shows them, the roles.
+pub(super) fn keys(picture: &Picture, has_roles: bool, area: Rect, buf: &mut Buffer) {
     let hold = if picture.is_held { "go on" } else { "hold" };
     let window = format!("{} s", picture.window);
     let keys = [("q", "quit"), ("space", hold), ("+/−", &window), ("?", "keys")];
     let left = Line::from_iter(keys.into_iter().flat_map(|(key, what)| {
-        [picture.ink(key, Ink::Strong), picture.ink(format!(" {what}  "), Ink::Faint)]
+        [picture.styled(key, Tone::Strong), picture.styled(format!(" {what}  "), Tone::Faint)]
     }));
     let width = left.width() as u16;
     left.render(area, buf);
     let missed = picture.view.overview.missed;
-    let right = match &picture.aside {
-        Some(aside) => picture.ink(aside.clone(), Ink::Bad).into(),
+    let right = match &picture.log_line {
+        Some(line) => {
+            let is_bad = line.level <= Level::WARN;
+            picture.styled(&line.text, if is_bad { Tone::Bad } else { Tone::Faint }).into()
+        }
         None if missed > 0 => {
-            picture.ink(format!("this monitor missed {missed} samples"), Ink::Bad).into()
+            picture.styled(format!("this monitor missed {missed} samples"), Tone::Bad).into()
         }
         None if has_roles => Line::default(),
-        None => session::lamps(picture),
+        None => session::indicators(picture),
     };
     let room = area.width.saturating_sub(width);
     let width = room.min(right.width() as u16);
     right.render(Rect { x: area.right() - width, width, ..area }, buf);
 }
 
-/// What the keys do.
-pub fn help(picture: &Picture, area: Rect, buf: &mut Buffer) {
+/// The help: what the keys do.
+pub(super) fn help(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let row = |key: &'static str, what: &'static str| {
-        Line::from(vec![picture.ink(format!("  {key:<10}"), Ink::Strong), Span::raw(what)])
+        Line::from(vec![picture.styled(format!("  {key:<10}"), Tone::Strong), Span::raw(what)])
     };
     let lines = [
-        Line::from(picture.ink("Keys", Ink::Strong)),
-        row("q Esc ^C", "quit; nothing but this view ends"),
+        Line::from(picture.styled("Keys", Tone::Strong)),
+        row("q Esc ^C", "quit; only this view ends"),
         row("space", "hold the view, to read it, or let it go on; alarms and"),
-        row("", "roles stay live, and nothing is missed meanwhile"),
+        row("", "roles stay live, and no data is lost meanwhile"),
         row("+  −", "more or less time on the charts, up to five minutes"),
         row("?", "these lines"),
         Line::default(),
-        Line::from("Charts keep the smallest and the largest of what they thin out:"),
-        Line::from("a peak of one sample is drawn. Times are of the last 10 s."),
-        Line::from("A dotted upright line on a chart is a knob that was turned."),
+        Line::from("Charts show minimum and maximum of all samples in a column: a peak"),
+        Line::from("of one sample is drawn. Times are of the last 10 s."),
+        Line::from("A dotted vertical line on a chart is a change of the loop."),
     ];
-    stack(lines, area, buf);
+    render_lines(lines, area, buf);
 }
 
-/// Says how large a screen should be.
-pub fn too_small(picture: &Picture, area: Rect, buf: &mut Buffer) {
+/// Shown instead of the panels: how large the screen must be.
+pub(super) fn too_small(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let (width, height) = SMALLEST;
     let mut words = format!(
         "This terminal is {} × {}; the dashboard needs {width} × {height}. Make it larger, or press q.",

@@ -1,7 +1,8 @@
-//! The MCAP file that is written.
+//! Writes an MCAP file.
 
 use std::{
     collections::BTreeMap,
+    fmt,
     fs::File,
     io::{self, BufWriter},
     path::Path,
@@ -15,31 +16,39 @@ use mcap::{
 use mtj_protocol::port::Message;
 
 use super::{
+    error::RecordingError,
     json,
     schema::schema,
     topic::{Counts, TOPICS, Topic, header},
 };
 
-/// A recording that grows: chunks are put together in memory and written as a whole, so that at any
+/// Writes a recording: chunks are put together in memory and written as a whole, so that at any
 /// moment all of the file but perhaps its last record can be read.
-pub struct RecordingFile {
+pub(crate) struct RecordingWriter {
     writer: Writer<NoSeek<BufWriter<File>>>,
     file: File,
     channels: [u16; TOPICS.len()],
     json: Vec<u8>,
     written: Counts,
-    safe: Counts,
-    safe_length: u64,
+    /// How many messages of each topic the operating system has.
+    flushed: Counts,
+    flushed_length: u64,
 }
 
-impl RecordingFile {
-    /// Begins a recording in an empty file; `metadata` are about all of it.
-    pub fn begin(file: File, metadata: BTreeMap<String, String>) -> io::Result<Self> {
+impl fmt::Debug for RecordingWriter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("RecordingWriter").field("flushed", &self.flushed).finish_non_exhaustive()
+    }
+}
+
+impl RecordingWriter {
+    /// Starts a recording in an empty file; `metadata` describes the whole recording.
+    pub(crate) fn new(file: File, metadata: BTreeMap<String, String>) -> io::Result<Self> {
         let out = NoSeek::new(BufWriter::new(file.try_clone()?));
-        Self::lay_out(out, file, metadata).map_err(io_error)
+        Self::write_header(out, file, metadata).map_err(io_error)
     }
 
-    fn lay_out(
+    fn write_header(
         out: NoSeek<BufWriter<File>>,
         file: File,
         metadata: BTreeMap<String, String>,
@@ -58,15 +67,16 @@ impl RecordingFile {
             channels[topic as usize] =
                 writer.add_channel(schema, &topic.channel(), "json", &BTreeMap::new())?;
         }
-        let (written, safe) = Default::default();
+        let (written, flushed) = Default::default();
         let json = Vec::with_capacity(1024);
-        let mut recording = Self { writer, file, channels, json, written, safe, safe_length: 0 };
-        recording.write_out()?;
+        let mut recording =
+            Self { writer, file, channels, json, written, flushed, flushed_length: 0 };
+        recording.flush_chunk()?;
         Ok(recording)
     }
 
-    /// Adds a message; it is safe after the next [`Self::flush`].
-    pub fn write(&mut self, log_time: u64, message: &Message) -> io::Result<()> {
+    /// Adds a message; a crash cannot lose it after the next [`Self::flush`].
+    pub(crate) fn write(&mut self, log_time: u64, message: &Message) -> io::Result<()> {
         let topic = Topic::of(message);
         self.json.clear();
         json::write(&mut self.json, message)?;
@@ -81,35 +91,35 @@ impl RecordingFile {
         Ok(())
     }
 
-    /// Finishes the chunk and hands all of it to the system: what was written is safe, whatever
-    /// becomes of this process.
-    pub fn flush(&mut self) -> io::Result<()> {
-        self.write_out().map_err(io_error)
+    /// Finishes the chunk and passes it to the operating system: a crash of this process does not
+    /// lose it.
+    pub(crate) fn flush(&mut self) -> io::Result<()> {
+        self.flush_chunk().map_err(io_error)
     }
 
-    fn write_out(&mut self) -> McapResult<()> {
+    fn flush_chunk(&mut self) -> McapResult<()> {
         self.writer.flush()?;
-        self.safe = self.written;
-        self.safe_length = self.file.metadata()?.len();
+        self.flushed = self.written;
+        self.flushed_length = self.file.metadata()?.len();
         Ok(())
     }
 
     /// Finishes the file with its summary.
-    pub fn finish(&mut self) -> io::Result<()> {
+    pub(crate) fn finish(&mut self) -> io::Result<()> {
         self.flush()?;
         self.writer.finish().map_err(io_error)?;
         Ok(())
     }
 
-    /// How many messages are safe, of each topic.
-    pub fn safe(&self) -> Counts {
-        self.safe
+    /// How many messages of each topic the operating system has.
+    pub(crate) fn flushed(&self) -> Counts {
+        self.flushed
     }
 
-    /// Gives up: takes back what was written in part, so that the file ends with a whole record.
-    pub fn abandon(self) -> io::Result<()> {
+    /// Gives up: truncates the file after the last flush, so that it ends with a whole record.
+    pub(crate) fn abandon(self) -> io::Result<()> {
         drop(self.writer);
-        self.file.set_len(self.safe_length)
+        self.file.set_len(self.flushed_length)
     }
 }
 
@@ -120,18 +130,12 @@ fn io_error(error: McapError) -> io::Error {
     }
 }
 
-/// Creates the file of a recording, which must not be there yet unless it may be overwritten; in
-/// words, if that cannot be.
-pub fn create(path: &Path, overwrite: bool) -> Result<File, String> {
+/// Creates the file of a recording; a file that exists is an error unless it may be overwritten.
+pub(crate) fn create(path: &Path, overwrite: bool) -> Result<File, RecordingError> {
     let file = if overwrite { File::create(path) } else { File::create_new(path) };
-    file.map_err(|error| {
-        let remedy = match error.kind() {
-            io::ErrorKind::AlreadyExists => {
-                "the file exists; choose another one, or add --overwrite to lose what is in it"
-                    .to_owned()
-            }
-            _ => format!("{error}; choose a file that can be written"),
-        };
-        format!("--record {}: {remedy}", path.display())
+    let path = path.to_owned();
+    file.map_err(|source| match source.kind() {
+        io::ErrorKind::AlreadyExists => RecordingError::Exists { path },
+        _ => RecordingError::Create { path, source },
     })
 }

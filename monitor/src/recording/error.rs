@@ -1,0 +1,105 @@
+//! Why a recording cannot be written or read.
+
+use std::{io, path::PathBuf};
+
+use mcap::McapError;
+use mtj_model::scenario::ScenarioError;
+use mtj_protocol::{admission::Rejection, sample::VERSION};
+
+/// Why a recording cannot be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    /// A file of this name exists, and it must not be overwritten.
+    #[error(
+        "--record {}: the file exists; choose another one, or add --overwrite to lose what is in it",
+        path.display()
+    )]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file cannot be created.
+    #[error("--record {}: {source}; choose a file that can be written", path.display())]
+    Create {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The header of the recording cannot be written.
+    #[error("--record {}: {source}; choose a file on a disk with space", path.display())]
+    Header {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The recorder's thread cannot be started.
+    #[error("the recorder's thread could not be started: {0}")]
+    Thread(io::Error),
+    /// The file cannot be opened.
+    #[error("{}: {source}", path.display())]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The file is not an MCAP file.
+    #[error("{}: not an MCAP file, which 'mtj monitor --record' makes", path.display())]
+    NotMcap {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file is damaged.
+    #[error("{}: {source}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Where.
+        source: Box<McapError>,
+    },
+    /// A message cannot be read.
+    #[error("{}: message {sequence} of {channel} cannot be read: {source}", path.display())]
+    Message {
+        /// The file.
+        path: PathBuf,
+        /// The message's number.
+        sequence: u32,
+        /// The message's channel.
+        channel: String,
+        /// Why.
+        source: Box<MessageError>,
+    },
+}
+
+impl RecordingError {
+    /// Whether the user can remedy it by another file or option.
+    pub fn is_bad_input(&self) -> bool {
+        match self {
+            Self::Exists { .. }
+            | Self::Create { .. }
+            | Self::Header { .. }
+            | Self::Open { .. }
+            | Self::NotMcap { .. } => true,
+            Self::Thread(_) | Self::Damaged { .. } | Self::Message { .. } => false,
+        }
+    }
+}
+
+/// Why JSON is not a message.
+#[derive(Debug, thiserror::Error)]
+pub enum MessageError {
+    /// It is not JSON, or its fields are others.
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
+    /// It holds a scenario that is not valid.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// It holds a sample that no port would admit.
+    #[error(transparent)]
+    Sample(#[from] Rejection),
+    /// It holds a sample of another protocol version, with other fields.
+    #[error("it has protocol version {0}, and this program reads version {VERSION}")]
+    Version(u32),
+}

@@ -1,0 +1,57 @@
+//! Why the dashboard cannot be served.
+
+use std::io;
+
+use super::address::DEFAULT;
+
+/// Why the dashboard cannot be served.
+#[derive(Debug, thiserror::Error)]
+pub enum WebError {
+    /// The address is not one.
+    #[error("--web: '{text}' is no address; expected HOST:PORT, like {DEFAULT}")]
+    Address {
+        /// What the user wrote.
+        text: String,
+    },
+    /// The server cannot listen there.
+    #[error(
+        "--web: cannot listen on {host} port {port} ({source}); give another address, like {DEFAULT}"
+    )]
+    Listen {
+        /// The host.
+        host: String,
+        /// The port.
+        port: u16,
+        /// Why.
+        source: io::Error,
+    },
+    /// Other programs use all ports that were tried.
+    #[error(
+        "--web: all ports from {first} to {last} of {host} are in use; give another address, or \
+         port 0 for any that is free"
+    )]
+    PortsInUse {
+        /// The host.
+        host: String,
+        /// The first port that was tried.
+        first: u16,
+        /// The last one.
+        last: u16,
+    },
+    /// The operating system has no random numbers.
+    #[error("no random numbers for a token: {0}")]
+    Token(getrandom::Error),
+    /// The server cannot start.
+    #[error("--web: cannot serve: {0}")]
+    Serve(io::Error),
+}
+
+impl WebError {
+    /// Whether the user can remedy it by another address.
+    pub fn is_bad_input(&self) -> bool {
+        match self {
+            Self::Address { .. } | Self::Listen { .. } | Self::PortsInUse { .. } => true,
+            Self::Token(_) | Self::Serve(_) => false,
+        }
+    }
+}
