@@ -46,7 +46,7 @@ lift! { enum Gains<T, M> { Diagonal(diagonal), Full(full) } }
 
 impl Gains<f64, MAX_AXES> {
     /// Reads a gain over `axes` task axes. On axes that the task does not have, it is one.
-    pub fn read(
+    pub(crate) fn read(
         section: &Section<'_>,
         key: &Parameter,
         axes: usize,
@@ -55,7 +55,7 @@ impl Gains<f64, MAX_AXES> {
     }
 
     /// The gain that a value says, if it is positive definite.
-    pub fn of(value: &toml::Value, axes: usize) -> Option<Self> {
+    pub(crate) fn of(value: &toml::Value, axes: usize) -> Option<Self> {
         let gains = if let Some(number) = section::number(value) {
             Self::Diagonal(SVector::repeat(number))
         } else if let Some(diagonal) = section::numbers(value, axes) {

@@ -14,7 +14,7 @@ impl Section<'_> {
     /// A key's value, or its declared default, as `read` takes it; `None` if it has neither.
     ///
     /// `count` is the number of joints or task axes that a list is for.
-    pub fn find<T>(
+    pub(crate) fn find<T>(
         &self,
         key: &Parameter,
         count: usize,
@@ -32,7 +32,7 @@ impl Section<'_> {
     }
 
     /// The same for a key that has a value or a default, or else is missing.
-    pub fn get<T>(
+    pub(crate) fn get<T>(
         &self,
         key: &Parameter,
         count: usize,
@@ -43,27 +43,27 @@ impl Section<'_> {
     }
 
     /// A number.
-    pub fn number(&self, key: &Parameter) -> Read<f64> {
+    pub(crate) fn number(&self, key: &Parameter) -> Read<f64> {
         self.get(key, 1, |value| number(value, key))
     }
 
     /// A number, if the key is there.
-    pub fn optional_number(&self, key: &Parameter) -> Read<Option<f64>> {
+    pub(crate) fn optional_number(&self, key: &Parameter) -> Read<Option<f64>> {
         self.find(key, 1, |value| number(value, key))
     }
 
     /// A list of `count` numbers, if the key is there or has a default.
-    pub fn optional_list(&self, key: &Parameter, count: usize) -> Read<Option<Vec<f64>>> {
+    pub(crate) fn optional_list(&self, key: &Parameter, count: usize) -> Read<Option<Vec<f64>>> {
         self.find(key, count, |value| section::numbers(value, count))
     }
 
     /// A list of two numbers.
-    pub fn point(&self, key: &Parameter) -> Read<[f64; 2]> {
+    pub(crate) fn point(&self, key: &Parameter) -> Read<[f64; 2]> {
         self.get(key, 2, |value| section::numbers(value, 2)?.try_into().ok())
     }
 
     /// One number for all, or a list of `count`; if the key is there or has a default.
-    pub fn one_or_each(&self, key: &Parameter, count: usize) -> Read<Option<Vec<f64>>> {
+    pub(crate) fn one_or_each(&self, key: &Parameter, count: usize) -> Read<Option<Vec<f64>>> {
         self.find(key, count, |value| match number(value, key) {
             Some(number) => Some(vec![number; count]),
             None => {
@@ -74,12 +74,12 @@ impl Section<'_> {
     }
 
     /// True or false.
-    pub fn flag(&self, key: &Parameter) -> Read<bool> {
+    pub(crate) fn flag(&self, key: &Parameter) -> Read<bool> {
         self.get(key, 1, Value::as_bool)
     }
 
     /// One of `values`, which are in the order of the key's words.
-    pub fn word<T: Copy>(&self, key: &Parameter, values: &[T]) -> Read<T> {
+    pub(crate) fn word<T: Copy>(&self, key: &Parameter, values: &[T]) -> Read<T> {
         let words = if let Form::Choice(words) = key.form { words } else { &[] };
         debug_assert_eq!(words.len(), values.len(), "{}", key.key);
         self.get(key, 1, |value| {
@@ -90,19 +90,19 @@ impl Section<'_> {
     }
 
     /// A duration, if the key is there or has a default.
-    pub fn optional_duration(&self, key: &Parameter) -> Read<Option<Duration>> {
+    pub(crate) fn optional_duration(&self, key: &Parameter) -> Read<Option<Duration>> {
         let least = if let Form::Duration(least) = key.form { least } else { Duration::ZERO };
         self.find(key, 1, |value| duration::parse(value.as_str()?).filter(|found| *found >= least))
     }
 
     /// A duration.
-    pub fn duration(&self, key: &Parameter) -> Read<Duration> {
+    pub(crate) fn duration(&self, key: &Parameter) -> Read<Duration> {
         let found = self.optional_duration(key)?;
         found.ok_or_else(|| self.refuse(key.name(), key.expected(1)))
     }
 
     /// A text that `accept` likes, if the key is there or has a default.
-    pub fn text(&self, key: &Parameter, accept: fn(&str) -> bool) -> Read<Option<String>> {
+    pub(crate) fn text(&self, key: &Parameter, accept: fn(&str) -> bool) -> Read<Option<String>> {
         self.find(key, 1, |value| value.as_str().filter(|text| accept(text)).map(str::to_owned))
     }
 }

@@ -104,7 +104,7 @@ impl<'a> Section<'a> {
     }
 
     /// A table below this one; an absent one is empty.
-    pub fn section_or_empty(&self, key: &str) -> Read<Section<'a>> {
+    pub(crate) fn section_or_empty(&self, key: &str) -> Read<Section<'a>> {
         static EMPTY: LazyLock<Table> = LazyLock::new(Table::new);
         let found = self.optional_section(key)?;
         Ok(found.unwrap_or_else(|| Section::new(self.origin, self.key(key), &EMPTY)))
@@ -180,13 +180,13 @@ impl<'a> Section<'a> {
 }
 
 /// A finite number, whether written with a decimal point or not.
-pub fn number(value: &Value) -> Option<f64> {
+pub(crate) fn number(value: &Value) -> Option<f64> {
     let number = value.as_float().or_else(|| value.as_integer().map(|i| i as f64))?;
     number.is_finite().then_some(number)
 }
 
 /// Exactly `count` finite numbers.
-pub fn numbers(value: &Value, count: usize) -> Option<Vec<f64>> {
+pub(crate) fn numbers(value: &Value, count: usize) -> Option<Vec<f64>> {
     let list: Vec<_> = value.as_array()?.iter().map(number).collect::<Option<_>>()?;
     (list.len() == count).then_some(list)
 }
