@@ -91,6 +91,8 @@
 //! Each module here is a crate of its own; a program that needs only the mathematics uses
 //! `mtj-model`, which has neither clock nor network.
 
+#![warn(clippy::print_stderr, clippy::print_stdout)]
+
 pub use mtj_controller as controller;
 pub use mtj_figure as figure;
 pub use mtj_model as model;

@@ -1,5 +1,7 @@
 //! `mtj`: one program for all roles. Each command is a file of `command/`.
 
+#![allow(unreachable_pub, reason = "a program has no public surface")]
+
 mod benchmark;
 #[cfg(feature = "zenoh")]
 mod certificates;

@@ -7,6 +7,8 @@
 //! state ─▶ configuration ─▶ prediction ─▶ tracking error ─▶ law + memory ─▶ torque and echo
 //! ```
 
+#![warn(clippy::print_stderr, clippy::print_stdout)]
+
 pub mod controller;
 pub mod memory;
 pub mod prediction;

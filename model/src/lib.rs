@@ -18,6 +18,8 @@
 //! Equation numbers refer to Moosavian and Papadopoulos, *Modified transpose Jacobian control of
 //! robotic systems*, Automatica 43 (2007).
 
+#![warn(clippy::print_stderr, clippy::print_stdout)]
+
 pub mod arm;
 pub mod gains;
 mod joints;

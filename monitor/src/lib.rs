@@ -16,6 +16,8 @@
 //! error     why a monitor could not start or go on
 //! ```
 
+#![warn(clippy::print_stderr, clippy::print_stdout)]
+
 pub mod durations;
 pub mod error;
 pub mod fleet;

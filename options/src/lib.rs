@@ -9,6 +9,8 @@
 //! | [`BusOptions`] | those who run a plant: it listens, and says how the loop waits |
 //! | [`RealtimeOptions`] | both ends of a loop |
 
+#![warn(clippy::print_stderr, clippy::print_stdout)]
+
 mod bus;
 pub mod log;
 mod realtime;

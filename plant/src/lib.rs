@@ -8,6 +8,8 @@
 //!
 //! [`plant`] is the loop of events, [`sequencer`] its rules, `clock` what waiting means.
 
+#![warn(clippy::print_stderr, clippy::print_stdout)]
+
 pub mod actuator;
 pub mod agenda;
 mod clock;

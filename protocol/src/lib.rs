@@ -17,6 +17,8 @@
 //!
 //! Each layer uses only the layers below it. To write a bus of your own, start at [`bus`].
 
+#![warn(clippy::print_stderr, clippy::print_stdout)]
+
 pub mod admission;
 pub mod bus;
 #[cfg(feature = "zenoh")]

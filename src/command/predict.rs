@@ -89,9 +89,9 @@ impl Predict {
                 .map(|axis| axis.name.as_str())
                 .collect();
         if self.csv {
-            print_csv(&names, &lines)?
+            print_csv(&names, &lines)?;
         } else {
-            print_table(&names, &lines)?
+            print_table(&names, &lines)?;
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use clap::{Args, Subcommand};
-use mtj_model::scenario::BUILT_IN;
+use mtj_model::scenario::{BUILT_IN, KeyDefault, KeyTable, reference};
 
 use crate::{failure::Failure, options::scenario::ScenarioOptions};
 
@@ -22,6 +22,8 @@ enum Action {
     Show(Named),
     /// Say whether a scenario is acceptable
     Check(Named),
+    /// Print all keys that a scenario may have, with units and defaults; docs/scenario.md is this as a page
+    Keys,
 }
 
 #[derive(Args, Debug)]
@@ -52,10 +54,31 @@ impl ScenarioCommand {
                 }
             }
             Action::Show(named) => write!(out, "{}", named.load()?.text())?,
+            Action::Keys => print_keys(&mut out)?,
             Action::Check(named) => writeln!(out, "{}: acceptable", named.load()?.name)?,
         }
         Ok(())
     }
+}
+
+/// A line a key: its path, what it takes, unit and default; what it means stands below.
+fn print_keys(out: &mut impl Write) -> io::Result<()> {
+    for KeyTable { title, note, keys } in reference() {
+        writeln!(out, "[{title}]  {note}")?;
+        for key in keys {
+            let default = match key.default {
+                KeyDefault::Required => "required".to_owned(),
+                KeyDefault::Value(value) => format!("default {value}"),
+                KeyDefault::SameAs(other) => format!("default: as {other}"),
+                KeyDefault::Words(words) => format!("default: {words}"),
+            };
+            let unit = if key.unit.is_empty() { String::new() } else { format!(", {}", key.unit) };
+            writeln!(out, "  {}  {}{unit}; {default}", key.key, key.syntax())?;
+            writeln!(out, "      {}", key.help)?;
+        }
+        writeln!(out)?;
+    }
+    Ok(())
 }
 
 /// The first paragraph of the comment that a scenario's file begins with.

@@ -15,7 +15,7 @@ pub enum ScenarioError {
     )]
     NotFound {
         /// What was asked for.
-        name: String,
+        name: Box<str>,
         /// Why it is no file either.
         source: Arc<io::Error>,
     },
@@ -23,41 +23,41 @@ pub enum ScenarioError {
     #[error("{origin}: line {line} is not TOML: {reason}")]
     Syntax {
         /// The file or the built-in scenario.
-        origin: String,
+        origin: Box<str>,
         /// The line, from 1.
         line: usize,
         /// What the TOML reader says, in one line.
-        reason: String,
+        reason: Box<str>,
     },
     /// The text as a whole is not accepted.
     #[error("{origin}: {expected}")]
     Text {
         /// The file.
-        origin: String,
+        origin: Box<str>,
         /// What would be accepted.
-        expected: String,
+        expected: Box<str>,
     },
     /// A key must be there.
     #[error("{origin}: {key} is missing: expected {expected}")]
     Missing {
         /// The file or the built-in scenario.
-        origin: String,
+        origin: Box<str>,
         /// Dotted path of the key.
-        key: String,
+        key: Box<str>,
         /// What would be accepted.
-        expected: String,
+        expected: Box<str>,
     },
     /// A key has a value that is not accepted.
     #[error("{origin}: {key} = {value} is not accepted: expected {expected}")]
     Refused {
         /// The file, the built-in scenario or the option that the value came from.
-        origin: String,
+        origin: Box<str>,
         /// Dotted path of the key.
-        key: String,
+        key: Box<str>,
         /// The value as written.
-        value: String,
+        value: Box<str>,
         /// What would be accepted.
-        expected: String,
+        expected: Box<str>,
     },
     /// There is no key of this name.
     #[error(
@@ -66,21 +66,21 @@ pub enum ScenarioError {
     )]
     UnknownKey {
         /// The file, the built-in scenario or the option that the key came from.
-        origin: String,
+        origin: Box<str>,
         /// Dotted path of the key.
-        key: String,
+        key: Box<str>,
         /// Its last part.
-        name: String,
+        name: Box<str>,
         /// The value as written.
-        value: String,
+        value: Box<str>,
         /// The keys that the table may have.
-        known: String,
+        known: Box<str>,
     },
     /// An override is not an assignment.
     #[error("--set {text}: expected KEY=VALUE, like law.memory.policy=delivered")]
     Assignment {
         /// The override as written.
-        text: String,
+        text: Box<str>,
     },
     /// An override reaches into something that is not there.
     #[error(
@@ -89,9 +89,9 @@ pub enum ScenarioError {
     )]
     NoPlace {
         /// Dotted path of the key.
-        key: String,
+        key: Box<str>,
         /// The value as written.
-        value: String,
+        value: Box<str>,
     },
     /// A running loop cannot change this key.
     #[error(
@@ -100,11 +100,11 @@ pub enum ScenarioError {
     )]
     NotLive {
         /// Dotted path of the key.
-        key: String,
+        key: Box<str>,
         /// The value as written.
-        value: String,
+        value: Box<str>,
         /// What a running loop can change.
-        live: String,
+        live: Box<str>,
     },
 }
 

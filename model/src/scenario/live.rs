@@ -17,9 +17,9 @@ impl Scenario {
         };
         if let Some(fixed) = sets.iter().find(|set| !is_live(set.path())) {
             return Err(ScenarioError::NotLive {
-                key: fixed.path().to_owned(),
-                value: fixed.value.to_string(),
-                live: LIVE.join(", "),
+                key: fixed.path().into(),
+                value: fixed.value.to_string().into(),
+                live: LIVE.join(", ").into(),
             });
         }
         Self::parse(&self.name, &self.text, sets)

@@ -28,6 +28,7 @@ pub use arm::{ArmSettings, Chain};
 pub use builtin::{BUILT_IN, built_in};
 pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, DEFAULT_SPIN, Wait, is_name};
 pub use error::ScenarioError;
+pub use key::{Default as KeyDefault, Parameter};
 pub use law::{Horizon, LawSettings, MEMORY, MemoryPolicy, MemorySettings, PREDICTION};
 pub use link::{Dropout, Jitter, LinkSettings, Links, REPLAY_FORMAT};
 pub use reference::{KeyTable, reference, reference_page};
@@ -35,7 +36,7 @@ pub use safety::{OnTimeout, Safety};
 pub use section::{Origin, Section};
 pub use timing::{ClockKind, Timing};
 
-use key::{Default, Form, Parameter, Range, literal};
+use key::{Default, Form, Range, literal};
 
 use crate::{
     task::{self, TASKS},
@@ -149,7 +150,7 @@ impl std::str::FromStr for Override {
     /// Reads `key=value`. A value that is not TOML is a string, so quotes may be left out:
     /// `link.torque.latency=1ms`.
     fn from_str(text: &str) -> Result<Self, ScenarioError> {
-        let refuse = || ScenarioError::Assignment { text: text.to_owned() };
+        let refuse = || ScenarioError::Assignment { text: text.into() };
         let (path, value) = text.split_once('=').ok_or_else(refuse)?;
         let path = path.trim();
         if path.is_empty() {
@@ -257,7 +258,7 @@ impl Template {
         match std::fs::read_to_string(name) {
             Ok(text) => Self::parse(name, &text),
             Err(error) => {
-                Err(ScenarioError::NotFound { name: name.to_owned(), source: Arc::new(error) })
+                Err(ScenarioError::NotFound { name: name.into(), source: Arc::new(error) })
             }
         }
     }
@@ -268,9 +269,9 @@ impl Template {
                 .span()
                 .map_or(0, |span| text[..span.start.min(text.len())].lines().count().max(1));
             ScenarioError::Syntax {
-                origin: name.to_owned(),
+                origin: name.into(),
                 line,
-                reason: error.message().replace('\n', ", "),
+                reason: error.message().replace('\n', ", ").into(),
             }
         })?;
         Ok(Self { name: name.to_owned(), text: text.to_owned(), table })
@@ -307,8 +308,10 @@ fn read_noise(section: Section<'_>) -> Result<f64, ScenarioError> {
 
 /// Puts one value at its dotted path; `arm.links[1].mass` reaches into a list.
 fn lay_over(table: &mut Table, set: &Override) -> Result<(), ScenarioError> {
-    let no_place =
-        || ScenarioError::NoPlace { key: set.path.clone(), value: set.value.to_string() };
+    let no_place = || ScenarioError::NoPlace {
+        key: set.path.as_str().into(),
+        value: set.value.to_string().into(),
+    };
     let (parents, last) = set.path.rsplit_once('.').unwrap_or(("", &set.path));
     let mut table = table;
     for part in parents.split('.').filter(|part| !part.is_empty()) {

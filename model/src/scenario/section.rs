@@ -36,7 +36,10 @@ impl Origin {
 
     /// An error about the text as a whole.
     pub fn refuse(&self, expected: impl fmt::Display) -> ScenarioError {
-        ScenarioError::Text { origin: self.name.clone(), expected: expected.to_string() }
+        ScenarioError::Text {
+            origin: self.name.as_str().into(),
+            expected: expected.to_string().into(),
+        }
     }
 }
 
@@ -70,11 +73,11 @@ impl<'a> Section<'a> {
             Some(unknown) => {
                 let key = self.key(unknown);
                 Err(ScenarioError::UnknownKey {
-                    origin: self.origin.of_unknown(&key),
-                    key,
-                    name: unknown.clone(),
-                    value: short(&self.table[unknown]),
-                    known: known.join(", "),
+                    origin: self.origin.of_unknown(&key).into(),
+                    key: key.into(),
+                    name: unknown.as_str().into(),
+                    value: short(&self.table[unknown]).into(),
+                    known: known.join(", ").into(),
                 })
             }
         }
@@ -85,8 +88,17 @@ impl<'a> Section<'a> {
         let (key, value) = (self.key(key), self.table.get(key).map(short));
         let (origin, expected) = (self.origin.of(&key), expected.to_string());
         match value {
-            Some(value) => ScenarioError::Refused { origin, key, value, expected },
-            None => ScenarioError::Missing { origin, key, expected },
+            Some(value) => ScenarioError::Refused {
+                origin: origin.into(),
+                key: key.into(),
+                value: value.into(),
+                expected: expected.into(),
+            },
+            None => ScenarioError::Missing {
+                origin: origin.into(),
+                key: key.into(),
+                expected: expected.into(),
+            },
         }
     }
 

@@ -67,6 +67,7 @@
 //! A bus that may lose samples of a burst sets [`Fixture::LOSSY`]. A bus on which other programs
 //! can write bytes implements [`Fixture::put_garbage`].
 
+#![warn(clippy::print_stderr, clippy::print_stdout)]
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
