@@ -1,8 +1,8 @@
 //! Bytes of a bus.
 
 use mtj_protocol::{
+    admission::{self, Admission, AdmissionFilter, Rejection},
     codec::{self, LARGEST_SAMPLE},
-    admission::{self, Rejection, AdmissionFilter, Admission},
     sample::{
         ChangeSample, ErrorSample, Field, PresenceSample, RequestSample, Sample, StateSample,
         StatusSample, TorqueSample,

@@ -15,9 +15,9 @@ use mtj_monitor::{
     web::WebDashboard,
 };
 use mtj_protocol::{
-    codec, admission,
-    request::Request,
+    admission, codec,
     port::{Message, Offered},
+    request::Request,
     sample::{Sample, VERSION},
 };
 
@@ -62,7 +62,7 @@ fn sample<S: Sample>(bytes: &[u8], message: fn(S) -> Message) -> (Option<Message
     whole[..used].copy_from_slice(&bytes[..used]);
     whole[..4].copy_from_slice(&VERSION.to_le_bytes());
     let sample = codec::decode::<S>(&whole[..size_of::<S>()]);
-    (sample.filter(|sample| admission::check(sample).is_none()).map(message), used)
+    (sample.filter(|sample| admission::check(sample).is_ok()).map(message), used)
 }
 
 /// A built-in scenario of a run that the bytes name.

@@ -12,8 +12,8 @@ use mtj_plant::{
 };
 use mtj_protocol::{
     bus::BusError,
-    request::Request,
     member::Member,
+    request::Request,
     sample::{RequestSample, VERSION, text_of},
 };
 use mtj_study::sweep::plan::Plan;

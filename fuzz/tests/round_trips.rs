@@ -3,8 +3,8 @@
 use mtj_model::scenario::{Override, duration};
 use mtj_protocol::{
     codec::{self, LARGEST_SAMPLE, Offer},
-    request::Request,
     member::{Member, Role},
+    request::Request,
     sample::{
         ChangeSample, ErrorSample, Header, PresenceSample, RequestSample, Sample, StateSample,
         StatusSample, TorqueSample, text, text_of,
