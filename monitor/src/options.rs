@@ -109,7 +109,7 @@ impl MonitorOptions {
             // The process that started this one waits for exactly this line.
             eprintln!("{LISTENING}");
         }
-        match terminal.open(&self.role.bus)? {
+        match terminal.open(&settings)? {
             Some(dashboard) => sinks.push(Box::new(dashboard)),
             None => sinks.push(Box::new(Lines::new(std::io::stdout()))),
         }

@@ -28,10 +28,9 @@ use std::{
 };
 
 use clap::Args;
-use mtj_protocol::options::BusOptions;
+use mtj_model::scenario::BusSettings;
 
 pub use self::{dashboard::Dashboard, error::TerminalError, log_layer::log_layer};
-use crate::error::MonitorError;
 
 /// The options of the terminal dashboard.
 #[derive(Args, Clone, Debug, Default)]
@@ -56,12 +55,11 @@ impl TerminalOptions {
     }
 
     /// Opens the dashboard, if the user asked for it.
-    pub fn open(&self, bus: &BusOptions) -> Result<Option<Dashboard>, MonitorError> {
+    pub fn open(&self, bus: &BusSettings) -> Result<Option<Dashboard>, TerminalError> {
         if !self.tui {
             return Ok(None);
         }
-        let settings = bus.settings()?;
-        let session = format!("{} over {}", settings.session, settings.kind.name());
+        let session = format!("{} over {}", bus.session, bus.kind.name());
         Ok(Some(Dashboard::open(session).map_err(TerminalError::Open)?))
     }
 
