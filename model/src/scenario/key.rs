@@ -138,7 +138,7 @@ impl Parameter {
     }
 
     /// What values look like, for a table of the reference.
-        pub fn syntax(&self) -> String {
+    pub fn syntax(&self) -> String {
         let or = |words: &[&str]| format!(" or {}", quoted(words).join(" or "));
         match self.form {
             Form::Choice(words) => quoted(words).join(", "),

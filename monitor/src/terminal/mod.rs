@@ -31,7 +31,6 @@ use clap::Args;
 use mtj_model::scenario::BusSettings;
 
 pub use self::{dashboard::Dashboard, error::TerminalError, log_layer::log_layer};
-use crate::error::MonitorError;
 
 /// The options of the terminal dashboard.
 #[derive(Args, Clone, Debug, Default)]
@@ -56,7 +55,7 @@ impl TerminalOptions {
     }
 
     /// Opens the dashboard, if the user asked for it.
-    pub fn open(&self, bus: &BusSettings) -> Result<Option<Dashboard>, MonitorError> {
+    pub fn open(&self, bus: &BusSettings) -> Result<Option<Dashboard>, TerminalError> {
         if !self.tui {
             return Ok(None);
         }

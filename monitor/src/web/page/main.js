@@ -114,6 +114,7 @@ const handlers = {
     store.begin(scenario);
     if (another) {
       view.follow();
+      joined = null;
       showChanges();
     }
     if (another || JSON.stringify(before.torque_limit) !== JSON.stringify(scenario.torque_limit)) {
