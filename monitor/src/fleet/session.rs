@@ -119,6 +119,6 @@ impl<B: Shared> SessionMonitor<B> {
 
 /// A process and its machine: `4242@robot`.
 fn process_at_host(presence: &PresenceSample) -> String {
-    let host: String = text_of(&presence.host).chars().filter(|c| c.is_ascii_graphic()).collect();
+    let host: String = text_of(&presence.host).chars().filter(char::is_ascii_graphic).collect();
     format!("{}@{host}", presence.process)
 }

@@ -36,8 +36,12 @@ impl Presence {
             precedence: u64::from(member.precedence),
             host: text(&host.to_string_lossy()),
         };
-        let _announcement = bus.announce(member)?;
-        Ok(Self { writer: bus.writer()?, sample, next: Instant::now(), _announcement })
+        Ok(Self {
+            _announcement: bus.announce(member)?,
+            writer: bus.writer()?,
+            sample,
+            next: Instant::now(),
+        })
     }
 
     /// Publishes the presence if a period is over; `header` is of the instant that the role handled

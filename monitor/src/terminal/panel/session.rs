@@ -149,7 +149,7 @@ fn changes<'a>(picture: &Picture, width: u16) -> Vec<Line<'a>> {
     match overview.joined() {
         Some(joined) => lines.extend(entry(joined.time_ns, &joined.words(), Tone::Faint)),
         None if lines.is_empty() => {
-            lines.push(picture.styled("none in this run", Tone::Faint).into())
+            lines.push(picture.styled("none in this run", Tone::Faint).into());
         }
         None => {}
     }

@@ -83,7 +83,7 @@ fn publications_and_history_hold_the_same_bins_each_once() {
     for bins in [&by_publications, &by_cursor] {
         let numbers: Vec<u64> = bins.iter().map(|bin| bin.number).collect();
         assert_eq!(numbers, (0..294).collect::<Vec<_>>());
-        for bin in bins.iter() {
+        for bin in bins {
             let torque = bin.ranges[series];
             let first = 10.0 * bin.number as f32;
             assert_eq!((torque.min, torque.max), (first, first + 9.0), "bin {}", bin.number);
