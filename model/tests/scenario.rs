@@ -11,6 +11,7 @@ use mtj_model::{
         Law,
         factor::{FactorKind, Thresholds},
         find,
+        mass::Mass,
         mtj::ModifiedTransposeJacobian,
     },
     scenario::{
@@ -381,4 +382,16 @@ fn a_relative_path_starts_at_the_folder_of_the_scenarios_file() {
             assert_eq!(file.to_str(), Some(expected), "{name}");
         }
     }
+}
+
+#[test]
+fn a_mass_that_is_given_is_a_number_like_any_other() {
+    // So that runs with masses of 1.0 and 2.0 share lanes.
+    let mass = |sets: &[&str]| {
+        let sets = [&["law.acceleration=true"], sets].concat();
+        mtj(&overridden("sampled/mtj", &sets).unwrap()).acceleration
+    };
+    assert_eq!(mass(&[]), Some(Mass::Unit));
+    let one = Mass::Constant(Gains::Diagonal([1.0; MAX_AXES].into()));
+    assert_eq!((mass(&["law.mass=1"]), mass(&["law.mass=1.0"])), (Some(one), Some(one)));
 }

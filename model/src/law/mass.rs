@@ -59,12 +59,12 @@ impl Mass<f64, MAX_AXES> {
         key: &Parameter,
         axes: usize,
     ) -> Result<Self, ScenarioError> {
-        law.get(key, axes, |value| match value.as_str() {
+        let mass = law.get(key, axes, |value| match value.as_str() {
             Some(text) => (text == TASK_INERTIA).then_some(Self::TaskInertia),
-            // Without a multiplication, as in eq. (11).
-            None if *value == toml::Value::Float(1.0) => Some(Self::Unit),
             None => Gains::of(value, axes).map(Self::Constant),
-        })
+        })?;
+        // The default, one, needs no multiplication, as in eq. (11).
+        Ok(if law.has(key) { mass } else { Self::Unit })
     }
 
     /// Refuses the task inertia of an arm that has none.

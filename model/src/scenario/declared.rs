@@ -42,6 +42,11 @@ impl Section<'_> {
         found.ok_or_else(|| self.refuse(key.name(), key.expected(count)))
     }
 
+    /// Whether the key is there.
+    pub(crate) fn has(&self, key: &Parameter) -> bool {
+        self.table.contains_key(key.name())
+    }
+
     /// A number.
     pub(crate) fn number(&self, key: &Parameter) -> Read<f64> {
         self.get(key, 1, |value| number(value, key))

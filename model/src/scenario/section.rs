@@ -49,7 +49,7 @@ impl Origin {
 pub struct Section<'a> {
     origin: &'a Origin,
     path: String,
-    table: &'a Table,
+    pub(super) table: &'a Table,
     known: RefCell<Vec<String>>,
 }
 
