@@ -1,7 +1,9 @@
 //! The controller's command line.
 
+use std::cell::Cell;
+
 use clap::Args;
-use mtj_model::scenario::Wait;
+use mtj_model::scenario::{BusSettings, Scenario, Wait};
 use mtj_options::{BusOptions, JoinOptions, RealtimeOptions};
 use mtj_protocol::{
     bus::BusError,
@@ -10,7 +12,10 @@ use mtj_protocol::{
     shutdown::Shutdown,
 };
 
-use crate::serve::{ServeError, serve};
+use crate::{
+    Controller,
+    serve::{ServeError, serve_with},
+};
 
 /// Run the controller alone: it needs to know only where the plant is
 #[derive(Args, Clone, Debug)]
@@ -50,7 +55,18 @@ impl ControllerOptions {
         realtime.before_the_loop()?;
         let Some(bus) = bus else { return Ok(()) };
         let member = Member::new(Role::Controller, self.precedence);
-        serve(&bus, &member, wait, &|| shutdown.proceed())
+        // A launcher that started this controller says itself what runs.
+        let is_told = Cell::new(self.until_stdin_closes);
+        let make = |scenario: &Scenario| {
+            if !is_told.replace(true) {
+                let law = scenario.law.law.description().name;
+                let BusSettings { session, kind, .. } = &scenario.bus;
+                let (name, bus) = (&scenario.name, kind.name());
+                tracing::info!("answers {name} under {law} in session '{session}' over {bus}");
+            }
+            Ok(Controller::new(scenario))
+        };
+        serve_with(&bus, &member, wait, &|| shutdown.proceed(), &make)
     }
 
     fn wait(&self) -> Result<Option<Wait>, BusError> {

@@ -156,3 +156,9 @@ fn the_page_has_a_row_for_every_key_with_its_meaning() {
         }
     }
 }
+
+#[test]
+fn the_page_in_docs_is_the_reference() {
+    // To write it: mtj scenario keys --markdown > docs/scenario.md
+    assert_eq!(include_str!("../../docs/scenario.md"), reference_page());
+}

@@ -111,8 +111,10 @@ impl Export {
             if layout.is_empty() {
                 continue;
             }
-            for Column { name, .. } in &layout {
-                writeln!(units, "{},{name},{}", topic.name(), recording::unit(name))?;
+            for column in &layout {
+                for name in column.names() {
+                    writeln!(units, "{},{name},{}", topic.name(), recording::unit(column.name))?;
+                }
             }
             let mut out = create(&self.path(topic))?;
             writeln!(out, "{}", names(&layout).join(","))?;
@@ -155,11 +157,7 @@ fn place(layout: &Layout, name: &str) -> Option<usize> {
 }
 
 fn names(layout: &Layout) -> Vec<String> {
-    let names_of = |column: &Column| match column.numbers {
-        None => vec![column.name.to_owned()],
-        Some(most) => (0..most).map(|i| format!("{}_{i}", column.name)).collect(),
-    };
-    layout.iter().flat_map(names_of).collect()
+    layout.iter().flat_map(Column::names).collect()
 }
 
 impl Table {
@@ -180,6 +178,14 @@ impl Table {
 }
 
 impl Column {
+    /// Its name, or one for each number of a list.
+    fn names(&self) -> Vec<String> {
+        match self.numbers {
+            None => vec![self.name.to_owned()],
+            Some(most) => (0..most).map(|i| format!("{}_{i}", self.name)).collect(),
+        }
+    }
+
     /// As many cells as the longest list has numbers, or one; those past the end of a list are empty.
     /// Numbers have the shortest digits that mean the same.
     fn cells(&self, list: &[f64]) -> Vec<String> {

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use clap::{Args, Subcommand};
-use mtj_model::scenario::{BUILT_IN, KeyDefault, KeyTable, reference};
+use mtj_model::scenario::{BUILT_IN, KeyDefault, KeyTable, reference, reference_page};
 
 use crate::{failure::Failure, options::scenario::ScenarioOptions};
 
@@ -22,8 +22,12 @@ enum Action {
     Show(Named),
     /// Say whether a scenario is acceptable
     Check(Named),
-    /// Print all keys that a scenario may have, with units and defaults; docs/scenario.md is this as a page
-    Keys,
+    /// Print all keys that a scenario may have, with units and defaults
+    Keys {
+        /// As docs/scenario.md is written
+        #[arg(long)]
+        markdown: bool,
+    },
 }
 
 #[derive(Args, Debug)]
@@ -54,7 +58,8 @@ impl ScenarioCommand {
                 }
             }
             Action::Show(named) => write!(out, "{}", named.load()?.text())?,
-            Action::Keys => print_keys(&mut out)?,
+            Action::Keys { markdown: true } => write!(out, "{}", reference_page())?,
+            Action::Keys { markdown: false } => print_keys(&mut out)?,
             Action::Check(named) => writeln!(out, "{}: acceptable", named.load()?.name)?,
         }
         Ok(())

@@ -285,6 +285,7 @@ fn a_session_has_one_plant() {
         let mut second = session.start("plant --json --scenario sampled/tj --set duration=1s");
         assert_eq!(second.wait().code(), Some(2), "{bus}: {}", second.stderr());
         assert_eq!(second.stderr().lines().count(), 1, "{}", second.stderr());
+        assert!(second.stderr().contains("plant already"), "{}", second.stderr());
         let report = report_of(&mut first);
         assert_eq!((&report["timeouts"], &report["samples"]), (&0.into(), &300.into()), "{report}");
     }

@@ -233,8 +233,8 @@ fn a_recording_becomes_tables_with_the_same_numbers() {
 
     let units = fs::read_to_string(tables.join("units.csv")).unwrap();
     for unit in [
-        "state,position,rad",
-        "torque,echo,N",
+        "state,position_0,rad",
+        "torque,echo_1,N",
         "error,factor,",
         "error,memory,N",
         "state,time_ns,ns",

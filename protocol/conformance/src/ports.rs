@@ -37,7 +37,7 @@ fn faults<S: Sample>(number_of: fn(&mut S) -> &mut f64) -> Vec<Fault<S>> {
     ]
 }
 
-/// The plant rejects and counts torques that are not acceptable, whoever sends them.
+/// The plant rejects and counts torques that are not acceptable, from any sender.
 pub fn the_plant_rejects_unacceptable_torques<F: Fixture>() {
     let mut peers = Peers::connect(&F::new());
     let mut stranger = peers.other.writer::<TorqueSample>().unwrap();

@@ -29,7 +29,10 @@ use super::{
     MAX_OFFER,
     resources::{self, DESCRIPTORS, MEMORY},
 };
-use crate::bus::BusError;
+use crate::{
+    bus::BusError,
+    sample::{Sample, StateSample},
+};
 
 /// Why shared memory cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -47,6 +50,14 @@ pub enum SharedMemoryError {
          processes, or choose another name with --session"
     )]
     OtherVersion {
+        /// The session's name.
+        session: String,
+    },
+    /// The session has a plant.
+    #[error(
+        "session '{session}' has a plant already; stop it, or choose another name with --session"
+    )]
+    SecondPlant {
         /// The session's name.
         session: String,
     },
@@ -132,6 +143,7 @@ impl SharedMemoryError {
             self,
             Self::ForeignDirectory(_)
                 | Self::OtherVersion { .. }
+                | Self::SecondPlant { .. }
                 | Self::TooManyWriters { .. }
                 | Self::TooManyMembers { .. }
                 | Self::OfferTooLong { .. }
@@ -197,6 +209,10 @@ impl ServiceError {
         match self {
             Self::Incompatible => {
                 AttemptError::Permanent(SharedMemoryError::OtherVersion { session })
+            }
+            // Only plants write states.
+            Self::TooManyWriters if topic == StateSample::TOPIC => {
+                AttemptError::Transient(SharedMemoryError::SecondPlant { session })
             }
             Self::TooManyWriters => {
                 AttemptError::Transient(SharedMemoryError::TooManyWriters { session, topic: name })

@@ -31,7 +31,7 @@ pub fn ping(place: &str, way: Way, samples: u64) -> Result<Durations, Failure> {
     let end = Instant::now() + GONE;
     while back.receive(Instant::now() + LOOK)?.is_none() {
         if Instant::now() >= end {
-            return Err("nobody answers over bare iceoryx2".to_owned().into());
+            return Err(Failure::other("nobody answers over bare iceoryx2"));
         }
         there.send(&StateSample::default())?;
     }
@@ -49,7 +49,7 @@ pub fn ping(place: &str, way: Way, samples: u64) -> Result<Durations, Failure> {
         let began = Instant::now();
         there.send(&state)?;
         let Some(_) = back.receive(began + GONE)? else {
-            return Err("the answers over bare iceoryx2 ceased".to_owned().into());
+            return Err(Failure::other("the answers over bare iceoryx2 ceased"));
         };
         let took = began.elapsed();
         if k >= WARM_UP {
@@ -168,5 +168,5 @@ impl<S: std::fmt::Debug + ZeroCopySend + Copy + 'static> Receiver<S> {
 }
 
 fn failure(error: impl std::fmt::Debug) -> Failure {
-    format!("bare iceoryx2: {error:?}").into()
+    Failure::other(format_args!("bare iceoryx2: {error:?}"))
 }

@@ -42,7 +42,7 @@ pub fn ping(place: &str, samples: u64) -> Result<Durations, Failure> {
             break;
         }
         if Instant::now() >= end {
-            return Err("nobody answers over bare Zenoh".to_owned().into());
+            return Err(Failure::other("nobody answers over bare Zenoh"));
         }
     }
     while back.recv_timeout(RETRY).map_err(failure)?.is_some() {}
@@ -51,7 +51,7 @@ pub fn ping(place: &str, samples: u64) -> Result<Durations, Failure> {
         let began = Instant::now();
         there.put(state).wait().map_err(failure)?;
         if back.recv_timeout(GONE).map_err(failure)?.is_none() {
-            return Err("the answers over bare Zenoh ceased".to_owned().into());
+            return Err(Failure::other("the answers over bare Zenoh ceased"));
         }
         let took = began.elapsed();
         if k >= WARM_UP {
@@ -111,5 +111,5 @@ fn publisher(session: &Session, key: &'static str) -> Result<Publisher<'static>,
 }
 
 fn failure(error: impl std::fmt::Debug) -> Failure {
-    format!("bare Zenoh: {error:?}").into()
+    Failure::other(format_args!("bare Zenoh: {error:?}"))
 }
