@@ -18,4 +18,3 @@ pub mod scenario;
 pub mod study;
 pub mod tune;
 pub mod up;
-pub mod which;
