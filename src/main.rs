@@ -25,7 +25,7 @@ use self::{
         certs::Certs,
         completions::Completions,
         export::Export,
-        latency::{Echo, Latency},
+        latency::{ECHO, Echo, Latency},
         monitor::Monitor,
         paper::Paper,
         plant::Plant,
@@ -68,8 +68,6 @@ enum Command {
     Reset(Reset),
     Kick(Kick),
     Latency(Latency),
-    #[command(hide = true)]
-    Echo(Echo),
     Certs(Certs),
     Bench(Bench),
     Completions(Completions),
@@ -93,9 +91,16 @@ fn main() -> ExitCode {
     if arguments.len() == 1 {
         arguments.push("up".into()); // What a newcomer wants to see.
     }
-    let command = Program::parse_from(arguments).command;
-    mtj_options::log::to_standard_error(command.name());
-    match run(command) {
+    // Not among the commands, so that it is neither listed nor suggested.
+    let result = if arguments[1] == ECHO {
+        mtj_options::log::to_standard_error("mtj");
+        Echo::parse_from(&arguments[1..]).run()
+    } else {
+        let command = Program::parse_from(arguments).command;
+        mtj_options::log::to_standard_error(command.name());
+        run(command)
+    };
+    match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             if !failure.sentence.is_empty() {
@@ -126,7 +131,6 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Reset(reset) => reset.run(),
         Command::Kick(kick) => kick.run(),
         Command::Latency(latency) => latency.run(),
-        Command::Echo(echo) => echo.run(),
         Command::Certs(certs) => certs.run(),
         Command::Bench(bench) => bench.run(),
         Command::Completions(completions) => completions.run(Program::command()),
@@ -140,5 +144,14 @@ mod tests {
     #[test]
     fn the_command_line_is_well_formed() {
         Program::command().debug_assert();
+        Echo::command().debug_assert();
+    }
+
+    #[test]
+    fn an_unknown_command_does_not_suggest_one_that_is_not_listed() {
+        let error = Program::try_parse_from(["mtj", "eco"]).err().map(|error| error.to_string());
+        assert!(!error.unwrap_or_default().contains("echo"));
+        let error = Program::try_parse_from(["mtj", "stdy"]).err().map(|error| error.to_string());
+        assert!(error.unwrap_or_default().contains("'study'"));
     }
 }
