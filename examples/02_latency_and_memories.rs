@@ -7,7 +7,7 @@ use std::{env, fs, path::PathBuf};
 use mtj::{
     Scenario,
     figure::{
-        scale::Scale,
+        cells::{CellAxis, CellValue, Spread},
         trend::{TrendPanel, Trends},
     },
     run,
@@ -50,21 +50,20 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 Some(error) => print!("{error:>10.2}"),
                 None => print!("{:>10}", "diverges"),
             }
-            curve.push(error.map(|error| [error; 3]));
+            curve.push(
+                error.map_or(CellValue::Diverged, |error| CellValue::Known(Spread::of(error))),
+            );
         }
         println!();
-        curves.push((name.to_owned(), curve));
+        curves.push(curve);
     }
 
     let figure = Trends {
         title: "Latency and memories".to_owned(),
+        note: "mtj on the paper's arm, T_s = 10 ms".to_owned(),
+        names: REMEDIES.map(|(name, _)| name.to_owned()).to_vec(),
         quantity: "rms error (mm)".to_owned(),
-        x: Scale {
-            title: "latency (ms)".to_owned(),
-            labels: LATENCIES.iter().map(f64::to_string).collect(),
-            numbers: LATENCIES.map(Some).to_vec(),
-            is_logarithmic: true,
-        },
+        x: CellAxis::of_numbers("latency (ms)", &LATENCIES, true),
         panels: vec![TrendPanel { title: String::new(), curves }],
     };
     mtj::figure::write(&figure.svg(), &folder, "02-latency-and-memories")?;

@@ -29,7 +29,7 @@ use self::{
         bridge::BridgeCommand,
         completions::Completions,
         export::Export,
-        latency::{Echo, Latency},
+        latency::{ECHO, Echo, Latency},
         monitor::Monitor,
         paper::Paper,
         plant::Plant,
@@ -72,9 +72,6 @@ enum Command {
     Reset(Reset),
     Kick(Kick),
     Latency(Latency),
-    #[command(hide = true)]
-    Echo(Echo),
-    #[cfg(feature = "zenoh")]
     #[cfg(feature = "zenoh")]
     Certs(command::certs::Certs),
     Bench(Bench),
@@ -99,9 +96,16 @@ fn main() -> ExitCode {
     if arguments.len() == 1 {
         arguments.push("up".into()); // What a newcomer wants to see.
     }
-    let command = Program::parse_from(arguments).command;
-    log::init(log_layer(log::lines(command.name())));
-    match run(command) {
+    // Not among the commands, so that it is neither listed nor suggested.
+    let result = if arguments[1] == ECHO {
+        log::init(log::lines("mtj"));
+        Echo::parse_from(&arguments[1..]).run()
+    } else {
+        let command = Program::parse_from(arguments).command;
+        log::init(log_layer(log::lines(command.name())));
+        run(command)
+    };
+    match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             if !failure.sentence.is_empty() {
@@ -132,8 +136,6 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Reset(reset) => reset.run(),
         Command::Kick(kick) => kick.run(),
         Command::Latency(latency) => latency.run(),
-        Command::Echo(echo) => echo.run(),
-        #[cfg(feature = "zenoh")]
         #[cfg(feature = "zenoh")]
         Command::Certs(certs) => certs.run(),
         Command::Bench(bench) => bench.run(),
@@ -148,5 +150,14 @@ mod tests {
     #[test]
     fn the_command_line_is_well_formed() {
         Program::command().debug_assert();
+        Echo::command().debug_assert();
+    }
+
+    #[test]
+    fn an_unknown_command_does_not_suggest_one_that_is_not_listed() {
+        let error = Program::try_parse_from(["mtj", "eco"]).err().map(|error| error.to_string());
+        assert!(!error.unwrap_or_default().contains("echo"));
+        let error = Program::try_parse_from(["mtj", "stdy"]).err().map(|error| error.to_string());
+        assert!(error.unwrap_or_default().contains("'study'"));
     }
 }

@@ -15,7 +15,7 @@ const ANCHORS: [(u8, u8, u8); 10] = [
 ];
 
 /// The colour at a part of the way from 0 to 1, as `#rrggbb`.
-pub fn viridis(part: f64) -> String {
+pub(crate) fn viridis(part: f64) -> String {
     let at = part.clamp(0.0, 1.0) * (ANCHORS.len() - 1) as f64;
     let below = (at.floor() as usize).min(ANCHORS.len() - 2);
     let rest = at - below as f64;

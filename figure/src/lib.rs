@@ -1,93 +1,74 @@
-//! Figures of line panels, heat maps and trends: described as data, drawn as SVG, rasterised as PNG.
+//! Figures of `mtj`: described as data, drawn as SVG, rasterised as PNG.
 //!
-//! ```text
-//! Figure { panels } ── svg() ──▶ text ── raster::png() ──▶ bytes
+//! | module | draws |
+//! |---|---|
+//! | [`lines`] | curves over time, each panel with axes of its own |
+//! | [`trend`] | curves over the positions of a study |
+//! | [`heatmap`] | maps over two axes of a study, with one colour scale |
+//!
+//! All three place title, panels and legend by `layout`, their ticks by `axis`, and write to one
+//! `sheet`. A PNG is made of exactly the SVG beside it, with a font that the program carries, so
+//! neither depends on what the machine has installed.
+//!
+//! A line plot:
+//!
 //! ```
+//! use mtj_figure::lines::{Curve, LineFigure, LinePanel, ValueAxis};
 //!
-//! A PNG is made of exactly the SVG beside it, with a font that the program carries, so neither
-//! depends on what the machine has installed.
+//! let times = || (0..=200).map(|i| 0.01 * f64::from(i));
+//! let decay = |rate: f64| times().map(move |t| (t, (-rate * t).exp()));
+//! let figure = LineFigure {
+//!     title: "Decay of an error".to_owned(),
+//!     columns: 1,
+//!     panel_size: (440.0, 300.0),
+//!     panels: vec![LinePanel {
+//!         title: "first order".to_owned(),
+//!         x: ValueAxis::new("time (s)", 0.0..2.0),
+//!         y: ValueAxis::new("error (m)", 0.0..1.0),
+//!         curves: vec![Curve::new("1/s", decay(1.0)), Curve::new("5/s", decay(5.0))],
+//!     }],
+//! };
+//! let svg = figure.svg();
+//! assert!(svg.starts_with("<svg ") && svg.contains(">time (s)</text>"));
+//! let png = mtj_figure::raster::png(&svg)?;
+//! assert_eq!(&png[1..4], b"PNG");
+//! # Ok::<(), mtj_figure::FigureError>(())
+//! ```
 
-pub mod colormap;
-mod draw;
+mod axis;
+pub mod cells;
+mod colormap;
 pub mod heatmap;
+mod layout;
+pub mod lines;
 pub mod raster;
-pub mod scale;
 mod sheet;
+mod style;
 mod thin;
 pub mod trend;
 
-use std::{fs, io, ops::Range, path::Path, path::PathBuf};
+use std::{error::Error, fs, io, path::Path, path::PathBuf};
 
-/// Line colours that stay apart for colour-blind readers and in grey print (after Okabe and Ito).
-pub mod colors {
-    /// Blue, for the first of two curves.
-    pub const BLUE: (u8, u8, u8) = (0, 114, 178);
-    /// Vermilion, for the second.
-    pub const VERMILION: (u8, u8, u8) = (213, 94, 0);
-    /// Bluish green, for the third.
-    pub const GREEN: (u8, u8, u8) = (0, 158, 115);
-    /// Reddish purple, for the fourth.
-    pub const PURPLE: (u8, u8, u8) = (204, 121, 167);
-}
-
-/// Panels of one size, filled row by row.
-#[derive(Clone, Debug)]
-pub struct Figure {
-    /// What stands above all panels; empty for nothing.
-    pub title: String,
-    /// Panels in a row.
-    pub columns: usize,
-    /// Width and height of one panel with its axes, pixels.
-    pub panel_size: (u32, u32),
-    /// The panels.
-    pub panels: Vec<Panel>,
-}
-
-/// Curves over one pair of axes.
-#[derive(Clone, Debug)]
-pub struct Panel {
-    /// What stands above the panel, on the left.
-    pub title: String,
-    /// The horizontal axis.
-    pub x: Axis,
-    /// The vertical axis.
-    pub y: Axis,
-    /// Drawn in this order; labels stand above the panel, on the right, where they hide nothing.
-    pub curves: Vec<Curve>,
-}
-
-/// One axis.
-#[derive(Clone, Debug)]
-pub struct Axis {
-    /// Quantity and unit.
-    pub label: String,
-    /// What is shown.
-    pub range: Range<f64>,
-}
-
-/// One line.
-#[derive(Clone, Debug)]
-pub struct Curve {
-    /// Its name in the legend; empty for none.
-    pub label: String,
-    /// Red, green, blue.
-    pub color: (u8, u8, u8),
-    /// Its points; where x never decreases they are thinned to what the picture can show.
-    pub points: Vec<(f64, f64)>,
-}
+pub use axis::short;
 
 /// Why a figure could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum FigureError {
-    /// The drawing failed.
+    /// The document is not SVG.
     #[error("a figure could not be drawn: {0}")]
-    Drawing(String),
+    Svg(#[from] resvg::usvg::Error),
+    /// The document has no area.
+    #[error("a figure could not be drawn: it has no area")]
+    NoArea,
+    /// The picture could not be compressed.
+    #[error("a figure could not be drawn: {0}")]
+    Png(#[source] Box<dyn Error + Send + Sync>),
     /// A file could not be written.
     #[error("{} could not be written: {source}", path.display())]
     File {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
 }
@@ -102,7 +83,7 @@ impl FigureError {
 /// Where a figure was written.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Written {
-    /// What the files are called, without folder and ending.
+    /// The name of the files, without folder and ending.
     pub name: String,
     /// The SVG file.
     pub svg: PathBuf,
@@ -110,37 +91,11 @@ pub struct Written {
     pub png: PathBuf,
 }
 
-impl Axis {
-    /// An axis over `range`.
-    pub fn new(label: &str, range: Range<f64>) -> Self {
-        Self { label: label.to_owned(), range }
-    }
-}
-
-impl Curve {
-    /// A line through `points`.
-    pub fn new(
-        label: &str,
-        color: (u8, u8, u8),
-        points: impl IntoIterator<Item = (f64, f64)>,
-    ) -> Self {
-        Self { label: label.to_owned(), color, points: points.into_iter().collect() }
-    }
-}
-
-impl Figure {
-    /// The figure as an SVG document.
-    pub fn svg(&self) -> Result<String, FigureError> {
-        draw::svg(self)
-    }
-
-    /// Writes `folder/name.svg` and `folder/name.png`.
-    pub fn write(&self, folder: &Path, name: &str) -> Result<Written, FigureError> {
-        write(&self.svg()?, folder, name)
-    }
-}
-
 /// Writes a document as `folder/name.svg`, and its picture as `folder/name.png`.
+///
+/// # Errors
+///
+/// [`FigureError::File`] if a file cannot be written; the others if `svg` is not a document.
 pub fn write(svg: &str, folder: &Path, name: &str) -> Result<Written, FigureError> {
     let png = raster::png(svg)?;
     let written = Written {

@@ -13,17 +13,18 @@ use super::FigureError;
 const SCALE: f32 = 2.0;
 
 /// The picture of an SVG document on white, with the font the program carries.
+///
+/// # Errors
+///
+/// If the document is not SVG or has no area.
 pub fn png(svg: &str) -> Result<Vec<u8>, FigureError> {
-    let failed = |reason: String| FigureError::Drawing(reason);
     let options = Options { fontdb: fonts(), ..Options::default() };
-    let tree = Tree::from_str(svg, &options).map_err(|error| failed(error.to_string()))?;
-    let size = tree.size().to_int_size().scale_by(SCALE);
-    let mut picture = size
-        .and_then(|size| Pixmap::new(size.width(), size.height()))
-        .ok_or_else(|| failed("it has no area".to_owned()))?;
+    let tree = Tree::from_str(svg, &options)?;
+    let size = tree.size().to_int_size().scale_by(SCALE).ok_or(FigureError::NoArea)?;
+    let mut picture = Pixmap::new(size.width(), size.height()).ok_or(FigureError::NoArea)?;
     picture.fill(Color::WHITE);
     resvg::render(&tree, Transform::from_scale(SCALE, SCALE), &mut picture.as_mut());
-    picture.encode_png().map_err(|error| failed(error.to_string()))
+    picture.encode_png().map_err(|error| FigureError::Png(error.into()))
 }
 
 /// The one font, standing in for every family a document may name.

@@ -1,119 +1,135 @@
-//! What figures over cells share: panels in rows, axes of cells, text.
+//! An SVG document in the making: text, panels, axes.
 
-use std::fmt::Write;
+use std::fmt::{self, Write};
 
-use super::scale::Scale;
+use super::axis::Tick;
 
-/// Ink for text.
-pub const INK: &str = "#282828";
-/// Frames and ticks.
-pub const FRAME: &str = "#8c8c8c";
-/// Space between the first cell and the others, where it stands apart.
-const APART: f64 = 4.0;
+/// The colour of text.
+pub(crate) const INK: &str = "#282828";
+/// The colour of frames and ticks.
+pub(crate) const OUTLINE: &str = "#8c8c8c";
+const GRID: &str = "#e4e4e4";
+/// Below a panel labels longer than this many characters are slanted.
+const SLANTED: usize = 8;
+/// About the width of a character of legends and labels, pixels.
+pub(crate) const CHARACTER: f64 = 6.4;
 
-/// A document that grows.
+/// A document to which elements are added.
 #[derive(Default)]
-pub struct Sheet {
+pub(crate) struct Sheet {
     body: String,
 }
 
-/// Where text is held.
+/// Which part of a text stands at its coordinates.
 #[derive(Clone, Copy)]
-pub enum Hold {
-    /// At its start.
+pub(crate) enum Anchor {
     Start,
-    /// In its middle.
     Middle,
-    /// At its end.
     End,
 }
 
 /// A rectangle, pixels.
-#[derive(Clone, Copy, Debug)]
-pub struct Frame {
-    /// Left edge.
-    pub left: f64,
-    /// Upper edge.
-    pub top: f64,
-    /// Width.
-    pub width: f64,
-    /// Height.
-    pub height: f64,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Rect {
+    pub(crate) left: f64,
+    pub(crate) top: f64,
+    pub(crate) width: f64,
+    pub(crate) height: f64,
+}
+
+impl Rect {
+    pub(crate) fn right(&self) -> f64 {
+        self.left + self.width
+    }
+
+    pub(crate) fn bottom(&self) -> f64 {
+        self.top + self.height
+    }
 }
 
 impl Sheet {
     /// Adds any element.
-    pub fn add(&mut self, element: std::fmt::Arguments<'_>) {
+    pub(crate) fn add(&mut self, element: fmt::Arguments<'_>) {
         // Writing to a string does not fail.
         let _ = writeln!(self.body, "{element}");
     }
 
     /// Adds a line of text, its middle at `y`.
-    pub fn text(&mut self, (x, y): (f64, f64), size: u32, hold: Hold, text: &str) {
-        let anchor = hold.anchor();
+    pub(crate) fn text(&mut self, (x, y): (f64, f64), size: u32, anchor: Anchor, text: &str) {
+        let anchor = anchor.name();
         let (y, text) = (y + 0.35 * f64::from(size), escape(text));
         self.add(format_args!(
             r#"<text x="{x:.1}" y="{y:.1}" font-size="{size}" text-anchor="{anchor}">{text}</text>"#
         ));
     }
 
-    /// Adds text that reads upwards.
-    pub fn upward(&mut self, (x, y): (f64, f64), size: u32, text: &str) {
-        let text = escape(text);
+    /// Adds a panel's title and its frame; `id` names the clip path of what is drawn inside.
+    pub(crate) fn panel(&mut self, id: usize, panel: Rect, title: &str) {
+        let Rect { left, top, width, height } = panel;
+        self.text((left, top - 12.0), 14, Anchor::Start, title);
+        let area = format!(r#"x="{left:.1}" y="{top:.1}" width="{width:.1}" height="{height:.1}""#);
+        self.add(format_args!(r#"<clipPath id="panel{id}"><rect {area}/></clipPath>"#));
+        self.add(format_args!(r#"<rect {area} fill="none" stroke="{OUTLINE}"/>"#));
+    }
+
+    /// Adds a line that a panel's frame clips.
+    pub(crate) fn path(&mut self, panel: usize, path: &str, stroke: fmt::Arguments<'_>) {
         self.add(format_args!(
-            r#"<text transform="translate({x:.1} {y:.1}) rotate(-90)" font-size="{size}" text-anchor="middle">{text}</text>"#
+            r#"<path d="{path}" clip-path="url(#panel{panel})" fill="none" {stroke}/>"#
         ));
     }
 
-    /// The labels and ticks of a horizontal axis below a frame.
-    pub fn axis_below(&mut self, frame: Frame, scale: &Scale, has_title: bool) {
-        let bottom = frame.top + frame.height;
-        let longest = scale.labels.iter().map(|label| label.chars().count()).max().unwrap_or(0);
-        let slanted = longest > 8;
-        let mut taken: Vec<f64> = Vec::new();
-        for (place, label) in scale.ticks() {
-            let x = frame.left + offset(scale, frame.width, place);
-            let room = if slanted { 13.0 } else { 11.0 + 6.0 * label.chars().count() as f64 };
-            if taken.iter().any(|other| (other - x).abs() < room) {
-                continue;
-            }
-            taken.push(x);
-            self.add(format_args!(r#"<path d="M{x:.1} {bottom:.1}v4" stroke="{FRAME}"/>"#));
-            if slanted {
-                let (y, label) = (bottom + 12.0, escape(&label));
-                self.add(format_args!(r#"<text transform="translate({x:.1} {y:.1}) rotate(-40)" font-size="11" text-anchor="end">{label}</text>"#));
-            } else {
-                self.text((x, bottom + 13.0), 12, Hold::Middle, &label);
-            }
-        }
-        if has_title {
-            let below = if slanted { 64.0 } else { 31.0 };
-            let middle = frame.left + frame.width / 2.0;
-            self.text((middle, bottom + below), 13, Hold::Middle, &scale.title);
+    /// Adds lines across a panel at the ticks of its vertical axis.
+    pub(crate) fn grid_across(&mut self, panel: Rect, ticks: &[Tick]) {
+        for tick in ticks {
+            let (left, y, width) = (panel.left, panel.bottom() - tick.at, panel.width);
+            self.add(format_args!(r#"<path d="M{left:.1} {y:.1}h{width:.1}" stroke="{GRID}"/>"#));
         }
     }
 
-    /// The labels and ticks of a vertical axis left of a frame.
-    pub fn axis_left(&mut self, frame: Frame, scale: &Scale, has_title: bool) {
-        let mut taken: Vec<f64> = Vec::new();
-        for (place, label) in scale.ticks() {
-            let y = frame.top + frame.height - offset(scale, frame.height, place);
-            if taken.iter().any(|other| (other - y).abs() < 14.0) {
-                continue;
+    /// Adds lines down a panel at the ticks of its horizontal axis.
+    pub(crate) fn grid_down(&mut self, panel: Rect, ticks: &[Tick]) {
+        for tick in ticks {
+            let (x, top, height) = (panel.left + tick.at, panel.top, panel.height);
+            self.add(format_args!(r#"<path d="M{x:.1} {top:.1}v{height:.1}" stroke="{GRID}"/>"#));
+        }
+    }
+
+    /// Adds the horizontal axis below a panel.
+    pub(crate) fn axis_below(&mut self, panel: Rect, ticks: &[Tick], title: &str) {
+        let bottom = panel.bottom();
+        let is_slanted = is_slanted(ticks.iter().map(|tick| &tick.label));
+        for Tick { at, label } in ticks {
+            let x = panel.left + at;
+            self.add(format_args!(r#"<path d="M{x:.1} {bottom:.1}v4" stroke="{OUTLINE}"/>"#));
+            if is_slanted {
+                let (y, label) = (bottom + 12.0, escape(label));
+                self.add(format_args!(r#"<text transform="translate({x:.1} {y:.1}) rotate(-40)" font-size="11" text-anchor="end">{label}</text>"#));
+            } else {
+                self.text((x, bottom + 13.0), 12, Anchor::Middle, label);
             }
-            taken.push(y);
-            let x = frame.left;
-            self.add(format_args!(r#"<path d="M{x:.1} {y:.1}h-4" stroke="{FRAME}"/>"#));
-            self.text((x - 7.0, y), 12, Hold::End, &label);
         }
-        if has_title {
-            let middle = frame.top + frame.height / 2.0;
-            self.upward((frame.left - 42.0, middle), 13, &scale.title);
+        let below = if is_slanted { 64.0 } else { 31.0 };
+        let middle = panel.left + panel.width / 2.0;
+        self.text((middle, bottom + below), 13, Anchor::Middle, title);
+    }
+
+    /// Adds the vertical axis left of a panel.
+    pub(crate) fn axis_left(&mut self, panel: Rect, ticks: &[Tick], title: &str) {
+        for Tick { at, label } in ticks {
+            let (x, y) = (panel.left, panel.bottom() - at);
+            self.add(format_args!(r#"<path d="M{x:.1} {y:.1}h-4" stroke="{OUTLINE}"/>"#));
+            self.text((x - 7.0, y), 12, Anchor::End, label);
         }
+        let (x, y) = (panel.left - 46.0, panel.top + panel.height / 2.0);
+        let title = escape(title);
+        self.add(format_args!(
+            r#"<text transform="translate({x:.1} {y:.1}) rotate(-90)" font-size="13" text-anchor="middle">{title}</text>"#
+        ));
     }
 
     /// The document, on white.
-    pub fn finish(self, width: f64, height: f64) -> String {
+    pub(crate) fn finish(self, width: f64, height: f64) -> String {
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" \
              viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"sans-serif\" fill=\"{INK}\">\n\
@@ -123,33 +139,36 @@ impl Sheet {
     }
 }
 
+/// The distance that two labels below a panel need.
+pub(crate) fn room_below<'a>(labels: impl Iterator<Item = &'a String>) -> fn(&str) -> f64 {
+    if is_slanted(labels) { |_| 13.0 } else { |label| 12.0 + CHARACTER * width_of(label) }
+}
+
+/// The distance that two labels left of a panel need.
+pub(crate) fn room_left(_: &str) -> f64 {
+    14.0
+}
+
 /// The height that labels and title of a horizontal axis need.
-pub fn axis_height(scale: &Scale) -> f64 {
-    let longest = scale.labels.iter().map(|label| label.chars().count()).max().unwrap_or(0);
-    if longest > 8 { 78.0 } else { 44.0 }
+pub(crate) fn axis_height<'a>(labels: impl Iterator<Item = &'a String>) -> f64 {
+    if is_slanted(labels) { 78.0 } else { 44.0 }
 }
 
-/// The distance of a place from the beginning of an axis that is `length` long.
-pub fn offset(scale: &Scale, length: f64, place: f64) -> f64 {
-    let apart = if scale.is_first_apart() { APART } else { 0.0 };
-    let cell = (length - apart) / scale.len().max(1) as f64;
-    (place + 0.5) * cell + apart * place.clamp(0.0, 1.0)
+fn is_slanted<'a>(labels: impl Iterator<Item = &'a String>) -> bool {
+    labels.map(|label| label.chars().count()).max().unwrap_or(0) > SLANTED
 }
 
-/// Beginning and length of a cell.
-pub fn cell(scale: &Scale, length: f64, index: usize) -> (f64, f64) {
-    let apart = if scale.is_first_apart() { APART } else { 0.0 };
-    let size = (length - apart) / scale.len().max(1) as f64;
-    (offset(scale, length, index as f64) - size / 2.0, size)
+/// The length of a text in characters.
+pub(crate) fn width_of(text: &str) -> f64 {
+    text.chars().count() as f64
 }
 
-/// Text for a document.
-pub fn escape(text: &str) -> String {
+fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-impl Hold {
-    fn anchor(self) -> &'static str {
+impl Anchor {
+    fn name(self) -> &'static str {
         match self {
             Self::Start => "start",
             Self::Middle => "middle",

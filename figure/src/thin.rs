@@ -3,7 +3,7 @@
 /// Keeps, of every column of the picture, the first, lowest, highest and last point, so that the
 /// drawing looks the same and no peak is lost. A curve that goes back in x, or has no more points
 /// than that already, is left alone.
-pub fn thin(points: &[(f64, f64)], from: f64, to: f64, columns: usize) -> Vec<(f64, f64)> {
+pub(crate) fn thin(points: &[(f64, f64)], from: f64, to: f64, columns: usize) -> Vec<(f64, f64)> {
     let goes_on = points.windows(2).all(|pair| pair[0].0 <= pair[1].0);
     if !goes_on || points.len() <= 4 * columns || to <= from {
         return points.to_vec();

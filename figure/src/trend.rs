@@ -1,157 +1,222 @@
-//! Curves over cells: small multiples with one logarithmic vertical axis.
+//! Trends: panels of curves over cells, with one logarithmic vertical axis.
 
 use super::{
-    scale::{Scale, short},
-    sheet::{self, FRAME, Frame, Hold, Sheet},
+    axis,
+    cells::{CellAxis, CellValue, Spread},
+    layout::{self, Grid, LEFT, LegendEntry, Symbol, WIDTH, cross},
+    sheet::{self, Rect, Sheet},
+    style::Style,
 };
 
 /// Curves over the same two axes.
 #[derive(Clone, Debug)]
 pub struct Trends {
-    /// What stands above all panels.
+    /// Above all panels.
     pub title: String,
+    /// Below the title, smaller; empty for nothing.
+    pub note: String,
     /// The vertical axis, with unit.
     pub quantity: String,
     /// The horizontal axis.
-    pub x: Scale,
+    pub x: CellAxis,
+    /// The name of each curve in the legend.
+    pub names: Vec<String>,
     /// The panels.
     pub panels: Vec<TrendPanel>,
 }
 
 /// One panel.
+///
+/// The mark of a cell has the attribute `data-at="PANEL,COLUMN,CURVE"`, by which a page finds it.
 #[derive(Clone, Debug)]
 pub struct TrendPanel {
-    /// What stands above it.
+    /// Above the panel, on the left.
     pub title: String,
-    /// A name and, for each position on the horizontal axis, the middle, least and greatest number.
-    pub curves: Vec<(String, Vec<Option<[f64; 3]>>)>,
+    /// For each curve its value at each position of the horizontal axis.
+    pub curves: Vec<Vec<CellValue>>,
 }
 
-/// Colours that stay apart for colour-blind readers, dark to light.
-pub const COLORS: [&str; 8] =
-    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#7a5195", "#5c5c5c"];
+/// The height of a cross with its margin, pixels.
+const CROSS: f64 = 12.0;
 
-const PANEL: (f64, f64) = (380.0, 250.0);
-const LEFT: f64 = 66.0;
-const BETWEEN: f64 = 22.0;
-const HEADER: f64 = 24.0;
-const TITLE: f64 = 38.0;
-const LINE: f64 = 20.0;
+/// A curve between two gaps: places and values, in pixels.
+type Run = Vec<(f64, Spread)>;
 
 impl Trends {
     /// The figure as an SVG document.
     pub fn svg(&self) -> String {
-        let columns = self.panels.len().clamp(1, 3);
-        let rows = self.panels.len().div_ceil(columns).max(1);
-        let size = if columns == 1 { (620.0, 340.0) } else { PANEL };
-        let names: Vec<&str> = self
-            .panels
-            .first()
-            .map(|panel| panel.curves.iter().map(|(name, _)| name.as_str()).collect())
-            .unwrap_or_default();
-        let row_height = HEADER + size.1 + 20.0;
-        let width = LEFT + columns as f64 * (size.0 + BETWEEN);
-        let below = TITLE + rows as f64 * row_height + sheet::axis_height(&self.x) - 8.0;
         let mut sheet = Sheet::default();
-        sheet.text((LEFT, TITLE / 2.0), 17, Hold::Start, &self.title);
+        let top = layout::heading(&mut sheet, &self.title, &self.note);
+        let has_titles = self.panels.iter().any(|panel| !panel.title.is_empty());
+        let count = self.panels.len();
+        let grid = Grid::filling(count, count.clamp(1, 3), top, has_titles, 0.7);
         let range = self.range();
+        let scale = (grid.panel.1 - self.crosses_height()) / (range.1 / range.0).ln();
+        let height = |x: f64| scale * (x.max(range.0) / range.0).ln();
+        let below = self.x.ticks(grid.panel.0, sheet::room_below(self.x.labels.iter()));
+        let left = axis::logarithmic(&(range.0..range.1), |x| Some(height(x)), |_| 26.0);
         for (i, panel) in self.panels.iter().enumerate() {
-            let (row, column) = (i / columns, i % columns);
-            let frame = Frame {
-                left: LEFT + column as f64 * (size.0 + BETWEEN),
-                top: TITLE + HEADER + row as f64 * row_height,
-                width: size.0,
-                height: size.1,
-            };
-            self.draw(&mut sheet, panel, frame, range, column == 0);
-            if i + columns >= self.panels.len() {
-                sheet.axis_below(frame, &self.x, true);
+            let frame = grid.frame(i);
+            sheet.grid_across(frame, &left);
+            sheet.panel(i, frame, &panel.title);
+            self.draw(&mut sheet, i, frame, height);
+            if grid.is_first(i) {
+                sheet.axis_left(frame, &left, &self.quantity);
+            }
+            if grid.is_lowest(i) {
+                sheet.axis_below(frame, &below, &self.x.title);
             }
         }
-        let (mut x, mut y) = (LEFT, below + 8.0);
-        for (name, color) in names.iter().zip(COLORS.iter().cycle()) {
-            let room = 34.0 + 7.0 * name.chars().count() as f64 + 18.0;
-            if x > LEFT && x + room > width {
-                (x, y) = (LEFT, y + LINE);
-            }
-            sheet.add(format_args!(
-                r#"<path d="M{x} {y}h24" stroke="{color}" stroke-width="2.4"/>"#
-            ));
-            sheet.text((x + 31.0, y), 13, Hold::Start, name);
-            x += room;
-        }
-        sheet.finish(width, y + LINE)
+        let end = grid.bottom() + sheet::axis_height(below.iter().map(|tick| &tick.label));
+        let bottom = layout::legend(&mut sheet, &self.entries(), (LEFT, WIDTH - 8.0), end);
+        sheet.finish(WIDTH, bottom + 8.0)
+    }
+
+    /// All values of all curves.
+    fn values(&self) -> impl Iterator<Item = CellValue> {
+        self.panels.iter().flat_map(|panel| &panel.curves).flatten().copied()
+    }
+
+    fn entries(&self) -> Vec<LegendEntry> {
+        let curves = self.names.iter().enumerate().map(|(i, name)| LegendEntry {
+            symbol: Symbol::Curve(Style::of(i), true),
+            text: name.clone(),
+        });
+        let has_diverged = self.values().any(|value| value == CellValue::Diverged);
+        let text = "diverges from here".to_owned();
+        let cross = has_diverged.then_some(LegendEntry { symbol: Symbol::Cross, text });
+        curves.chain(cross).collect()
+    }
+
+    /// The height above the curves where their crosses stand, one below the other.
+    fn crosses_height(&self) -> f64 {
+        let crosses = |panel: &TrendPanel, i: usize| {
+            panel.curves.iter().filter(|values| diverges_at(values, i)).count()
+        };
+        let columns = 0..self.x.len();
+        let at = |panel| columns.clone().map(|i| crosses(panel, i)).max().unwrap_or(0);
+        CROSS * self.panels.iter().map(at).max().unwrap_or(0) as f64
     }
 
     fn range(&self) -> (f64, f64) {
-        let all = self.panels.iter().flat_map(|panel| &panel.curves).flat_map(|(_, at)| at);
-        let positive = all.flatten().flatten().copied().filter(|x| *x > 0.0);
+        let all = self.values().filter_map(CellValue::spread);
+        let positive = all.flat_map(|at| [at.median, at.least, at.greatest]).filter(|x| *x > 0.0);
         let (least, most) =
             positive.fold((f64::MAX, 0.0), |(least, most), x| (x.min(least), x.max(most)));
         if least < most { (least / 1.15, most * 1.15) } else { (0.5, 2.0) }
     }
 
-    fn draw(
-        &self,
-        sheet: &mut Sheet,
-        panel: &TrendPanel,
-        frame: Frame,
-        (least, most): (f64, f64),
-        is_labelled: bool,
-    ) {
-        let Frame { left, top, width, height } = frame;
-        let place =
-            |y: f64| top + height * (1.0 - (y.max(least) / least).ln() / (most / least).ln());
-        sheet.text((left, top - 11.0), 14, Hold::Start, &panel.title);
-        let mut taken: Vec<f64> = Vec::new();
-        for (digit, exponent) in
-            [1.0, 3.0, 2.0, 5.0].into_iter().flat_map(|d| (-12..12).map(move |e| (d, e)))
-        {
-            let number = digit * 10f64.powi(exponent);
-            let y = place(number);
-            if (least..=most).contains(&number) && taken.iter().all(|at| (at - y).abs() > 26.0) {
-                taken.push(y);
-                sheet.add(format_args!(r##"<path d="M{left} {y:.1}h{width}" stroke="#e4e4e4"/>"##));
-                if is_labelled {
-                    sheet.text((left - 7.0, y), 12, Hold::End, &short(number));
+    fn draw(&self, sheet: &mut Sheet, id: usize, panel: Rect, height: impl Fn(f64) -> f64) {
+        let place = |i: usize| panel.left + self.x.offset(panel.width, i as f64);
+        let mut crosses = vec![0_u32; self.x.len()];
+        for (curve, values) in self.panels[id].curves.iter().enumerate() {
+            let style = Style::of(curve);
+            let mut run = Run::new();
+            for (i, value) in values.iter().enumerate() {
+                match value {
+                    CellValue::Known(spread) => {
+                        run.push((place(i), spread.map(|x| panel.bottom() - height(x))));
+                        let (x, y) = (place(i), panel.bottom() - height(spread.median));
+                        let Style { color, marker, .. } = style;
+                        sheet.add(format_args!(
+                            r#"<path d="M{x:.1} {y:.1}{marker}" fill="{color}" data-at="{id},{i},{curve}"/>"#
+                        ));
+                        continue;
+                    }
+                    CellValue::Diverged if diverges_at(values, i) => {
+                        let y = panel.top + CROSS * (0.5 + f64::from(crosses[i]));
+                        crosses[i] += 1;
+                        if let Some((x, last)) = run.last() {
+                            let path = format!("M{x:.1} {:.1}L{:.1} {y:.1}", last.median, place(i));
+                            let color = style.color;
+                            sheet.path(
+                                id,
+                                &path,
+                                format_args!(
+                                    r#"stroke="{color}" stroke-width="1" stroke-dasharray="1 3""#
+                                ),
+                            );
+                        }
+                        let at = format!(r#" data-at="{id},{i},{curve}""#);
+                        cross(sheet, (place(i), y), style.color, &at);
+                    }
+                    CellValue::Diverged | CellValue::Empty => {}
                 }
+                draw_run(sheet, id, &std::mem::take(&mut run), style);
             }
+            draw_run(sheet, id, &run, style);
         }
-        if is_labelled {
-            sheet.upward((left - 46.0, top + height / 2.0), 13, &self.quantity);
-        }
-        for ((_, at), color) in panel.curves.iter().zip(COLORS.iter().cycle()) {
-            let points = at.iter().enumerate().map(|(i, at)| {
-                let x = left + sheet::offset(&self.x, width, i as f64);
-                at.map(|at| (x, at.map(place)))
-            });
-            let points: Vec<Option<(f64, [f64; 3])>> = points.collect();
-            for run in points.split(Option::is_none) {
-                draw_run(sheet, &run.iter().flatten().copied().collect::<Vec<_>>(), color);
-            }
-        }
-        sheet.add(format_args!(r#"<rect x="{left}" y="{top}" width="{width}" height="{height}" fill="none" stroke="{FRAME}"/>"#));
     }
 }
 
-/// A band from least to greatest, the middle line and its points.
-fn draw_run(sheet: &mut Sheet, run: &[(f64, [f64; 3])], color: &str) {
+/// Whether a curve begins to diverge at a position.
+fn diverges_at(values: &[CellValue], i: usize) -> bool {
+    values[i] == CellValue::Diverged && (i == 0 || values[i - 1] != CellValue::Diverged)
+}
+
+/// A band from least to greatest, and the line of the medians.
+fn draw_run(sheet: &mut Sheet, id: usize, run: &Run, Style { color, dash, .. }: Style) {
     let line = |points: &mut dyn Iterator<Item = (f64, f64)>| {
         points.map(|(x, y)| format!("{x:.1} {y:.1}")).collect::<Vec<_>>().join("L")
     };
-    if run.iter().any(|(_, [_, least, most])| (least - most).abs() > 0.1) {
-        let up = line(&mut run.iter().map(|(x, at)| (*x, at[1])));
-        let back = line(&mut run.iter().rev().map(|(x, at)| (*x, at[2])));
-        sheet.add(format_args!(r#"<path d="M{up}L{back}Z" fill="{color}" fill-opacity="0.16"/>"#));
-    }
-    let middle = line(&mut run.iter().map(|(x, at)| (*x, at[0])));
-    if run.len() > 1 {
+    if run.iter().any(|(_, at)| (at.least - at.greatest).abs() > 0.1) {
+        let up = line(&mut run.iter().map(|(x, at)| (*x, at.least)));
+        let back = line(&mut run.iter().rev().map(|(x, at)| (*x, at.greatest)));
         sheet.add(format_args!(
-            r#"<path d="M{middle}" fill="none" stroke="{color}" stroke-width="1.8"/>"#
+            r#"<path d="M{up}L{back}Z" fill="{color}" fill-opacity="0.16" pointer-events="none"/>"#
         ));
     }
-    for (x, at) in run {
-        let y = at[0];
-        sheet.add(format_args!(r#"<circle cx="{x:.1}" cy="{y:.1}" r="2.3" fill="{color}"/>"#));
+    if run.len() > 1 {
+        let median = format!("M{}", line(&mut run.iter().map(|(x, at)| (*x, at.median))));
+        sheet.path(
+            id,
+            &median,
+            format_args!(r#"stroke="{color}" stroke-width="1.8" stroke-dasharray="{dash}""#),
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn trends(curves: Vec<Vec<CellValue>>) -> Trends {
+        Trends {
+            title: String::new(),
+            note: String::new(),
+            quantity: "error (mm)".to_owned(),
+            x: CellAxis::of_numbers("x", &[1.0, 2.0, 3.0, 4.0], false),
+            names: (0..curves.len()).map(|i| format!("curve {i}")).collect(),
+            panels: vec![TrendPanel { title: "panel".to_owned(), curves }],
+        }
+    }
+
+    const KNOWN: CellValue = CellValue::Known(Spread { median: 1.0, least: 0.5, greatest: 2.0 });
+
+    #[test]
+    fn a_ninth_curve_differs_from_the_first_and_so_does_its_legend() {
+        let svg = trends(vec![vec![KNOWN; 4]; 9]).svg();
+        let strokes = |color: &str, dash: &str| {
+            let stroke = format!(r#"stroke="{color}" "#);
+            let dash = format!(r#"stroke-dasharray="{dash}""#);
+            svg.lines().filter(|line| line.contains(&stroke) && line.contains(&dash)).count()
+        };
+        // One in the panel and one in the legend of each.
+        assert_eq!((strokes("#0072b2", "none"), strokes("#0072b2", "7 3")), (2, 2));
+        assert_eq!(strokes("#d55e00", "none"), 2);
+    }
+
+    #[test]
+    fn a_curve_has_a_cross_where_it_begins_to_diverge_and_the_legend_says_so() {
+        let ends = vec![KNOWN, KNOWN, CellValue::Diverged, CellValue::Diverged];
+        let svg = trends(vec![ends.clone(), ends]).svg();
+        let crosses: Vec<_> =
+            svg.lines().filter(|line| line.contains("m-4-4l8 8m0-8l-8 8")).collect();
+        assert_eq!(crosses.len(), 3, "two curves and the legend: {crosses:?}");
+        assert!(crosses[0].contains(r#"data-at="0,2,0""#), "{}", crosses[0]);
+        let place = |line: &str| line.split('m').next().map(str::to_owned);
+        assert_ne!(place(crosses[0]), place(crosses[1]), "one hides the other");
+        assert!(svg.contains("diverges from here"));
+        assert!(!trends(vec![vec![KNOWN; 4]]).svg().contains("diverges"));
     }
 }

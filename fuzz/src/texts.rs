@@ -93,7 +93,7 @@ pub fn study(data: &[u8]) {
         assert!(plan.command(point).starts_with("mtj run --scenario"));
         let _ = plan.scenario(point);
     }
-    assert!(plan.identity().contains(text.trim_end()));
+    assert!(plan.shown().contains(text.trim_end()));
 }
 
 /// What is read is written so that it is read the same. The first byte says what the rest is.

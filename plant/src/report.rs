@@ -45,7 +45,8 @@ pub struct Report {
     pub takeovers: u64,
     /// The longest time without a fresh command; null in lockstep.
     pub longest_gap_us: Option<f64>,
-    /// State sent to torque received, by the plant's clock; null where no bus is crossed.
+    /// State sent to torque received, by the plant's clock, without emulated latency; null where no
+    /// bus is crossed.
     pub round_trip_us: Option<Percentiles>,
     /// The part spent inside the controller, by the controller's clock.
     pub residence_us: Option<Percentiles>,

@@ -1,4 +1,4 @@
-//! How fast this program is on this machine, beside what it could be.
+//! Measurements of this program on this machine.
 
-pub mod round_trip;
-pub mod sweep;
+pub(crate) mod round_trip;
+pub(crate) mod sweep;

@@ -1,5 +1,5 @@
-//! How many runs a second a sweep makes on a core, in lanes and on the scalar path, and how far apart the
-//! two are.
+//! The runs a second and core of a sweep, in lanes and on the scalar path, and the difference of
+//! their results.
 
 use std::{fs, io, thread, time::Instant};
 
@@ -8,18 +8,18 @@ use mtj_study::sweep::{plan::Plan, results::Measured, runner};
 
 use crate::failure::Failure;
 
-/// What to measure.
+/// The size of the measurement.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
+pub(crate) struct Settings {
     /// Runs in lanes on each thread; the scalar path does a twentieth of them.
     pub runs: usize,
     /// The most threads.
     pub threads: usize,
-    /// How many runs of each plan are held against the scalar reference.
+    /// How many runs of each plan are compared with the scalar reference.
     pub checks: usize,
 }
 
-/// What the runs are, and how they differ.
+/// The runs, by what they differ in.
 const PLANS: [(&str, &str); 4] = [
     (
         "gains, masses, thresholds",
@@ -122,7 +122,7 @@ const CHUNK: usize = 256;
 /// Processor times below this say little, s.
 const COARSE: f64 = 0.1;
 
-/// Some runs and what they took.
+/// Some runs and the time that they took.
 struct Pace {
     runs: usize,
     /// s.
@@ -132,7 +132,7 @@ struct Pace {
 }
 
 /// Measures and prints one line for each plan and number of threads.
-pub fn sweep(
+pub(crate) fn sweep(
     settings: &Settings,
     out: &mut dyn io::Write,
     proceed: &(dyn Fn() -> bool + Sync),
@@ -197,7 +197,7 @@ fn set(step: &str) -> [Override; 3] {
         .map(|(key, value)| Override::text(key, value))
 }
 
-/// Computes so many runs on each of some threads, from the plan to the measures.
+/// Computes `runs` runs on each of `threads` threads, from the plan to the measures.
 fn pace(plan: &Plan, runs: usize, threads: usize, proceed: &(dyn Fn() -> bool + Sync)) -> Pace {
     let started = Instant::now();
     let work = |thread: usize| {
@@ -230,7 +230,8 @@ impl Pace {
     }
 }
 
-/// The largest difference of the rms error between two plans, m, in some points that are spread evenly.
+/// The largest difference of the rms error between two plans, m, in some points that are spread
+/// evenly.
 fn largest_difference(plan: &Plan, other: &Plan, checks: usize, proceed: &dyn Fn() -> bool) -> f64 {
     let points: Vec<usize> = (0..checks).map(|i| i * plan.len() / checks.max(1)).collect();
     let errors = |plan: &Plan| {
@@ -249,7 +250,7 @@ fn largest_difference(plan: &Plan, other: &Plan, checks: usize, proceed: &dyn Fn
     )
 }
 
-/// How long this thread has had a processor, s; wall time where the system does not tell.
+/// The processor time of this thread, s; wall time where the system does not count it.
 fn processor_time() -> f64 {
     let told = fs::read_to_string("/proc/thread-self/schedstat").ok();
     let nanoseconds = told.and_then(|text| text.split(' ').next()?.parse::<f64>().ok());

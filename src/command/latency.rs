@@ -7,13 +7,13 @@ use std::{
     time::Duration,
 };
 
-use clap::{Args, ValueEnum};
+use clap::{Args, Parser, ValueEnum};
 use mtj_model::scenario::{BusKind, DEFAULT_SPIN, Wait};
 use mtj_options::RealtimeOptions;
 use mtj_protocol::{realtime::Realtime, shutdown::Shutdown};
 
 use crate::{
-    benchmark::round_trip::{self, Effort, Measured, Proceed, Way, print},
+    benchmark::round_trip::{self, Effort, Measurement, Proceed, Way, print},
     failure::Failure,
     options::realtime::LoopRealtime,
 };
@@ -49,8 +49,12 @@ pub struct Latency {
     hdr: Option<PathBuf>,
 }
 
+/// The name of [`Echo`]'s command, which only this program gives.
+pub const ECHO: &str = "echo";
+
 /// Answer the bare transport's round trips until standard input closes
-#[derive(Args, Debug)]
+#[derive(Debug, Parser)]
+#[command(name = "mtj echo")]
 pub struct Echo {
     #[arg(long)]
     bus: Bus,
@@ -127,7 +131,7 @@ impl Latency {
         }
         let measured = round_trip::measure(&ways, &effort, &proceed)?;
         if let Some(directory) = &self.hdr {
-            for Measured { way, own, bare, .. } in &measured {
+            for Measurement { way, own, bare, .. } in &measured {
                 for (trips, what) in [(own, "loop"), (bare, "bare")] {
                     let name = format!("{}-{}-{what}.hgrm", way.bus.name(), way.wait.name());
                     let mut file = BufWriter::new(File::create(directory.join(name))?);
@@ -138,7 +142,7 @@ impl Latency {
         }
         let mut out = io::stdout().lock();
         if self.json {
-            let rows: Vec<_> = measured.iter().filter_map(Measured::row).collect();
+            let rows: Vec<_> = measured.iter().filter_map(Measurement::row).collect();
             serde_json::to_writer(&mut out, &rows).map_err(io::Error::from)?;
             writeln!(out)?;
         } else {
@@ -189,7 +193,8 @@ impl Latency {
 impl Echo {
     /// Answers.
     pub fn run(self) -> Result<(), Failure> {
-        // First, so that a thread that spins at a high priority does not keep the one that stops it from running.
+        // First, so that a thread that spins at a high priority does not keep this one from
+        // running.
         let shutdown = Shutdown::on_signals().when_stdin_closes();
         let realtime = Realtime::from(&self.realtime);
         realtime.before_joining();

@@ -19,4 +19,3 @@ pub mod scenario;
 pub mod study;
 pub mod tune;
 pub mod up;
-pub mod which;

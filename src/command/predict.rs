@@ -17,14 +17,13 @@ use mtj_study::{
     predict::{self, MOST, Prediction},
 };
 
-use super::which::Which;
-use crate::failure::Failure;
+use crate::{failure::Failure, options::study::StudyOptions};
 
 /// Predict the largest latency of each loop of a study, and measure it
 #[derive(Args, Debug)]
 pub struct Predict {
     #[command(flatten)]
-    which: Which,
+    study: StudyOptions,
     /// Only predict: the measurement takes a minute
     #[arg(long)]
     no_measurement: bool,
@@ -39,15 +38,15 @@ struct Line {
     measured: Option<Option<f64>>,
 }
 
-/// How far prediction and measurement may be apart for the loop to count as linear. If it stands more
-/// than predicted, the worst mass on the path is met for too short a time. If it stands less, J and Ĥ change
-/// between the sample and the application.
+/// How far prediction and measurement may be apart for the loop to count as linear. If it stands
+/// more than predicted, the worst mass on the path is met for too short a time. If it stands less,
+/// J and Ĥ change between the sample and the application.
 const LINEAR: f64 = 0.15;
 
 impl Predict {
     /// Prints a line for each combination of positions on the study's other axes.
     pub fn run(self) -> Result<(), Failure> {
-        let plan = self.which.load()?;
+        let plan = self.study.load()?;
         let scenarios = predict::scenarios(&plan)?;
         let shutdown = Shutdown::on_signals();
         let proceed = move || shutdown.proceed();
@@ -138,7 +137,7 @@ fn print_table(names: &[&str], lines: &[Line]) -> io::Result<()> {
         Some(x) if x >= MOST => format!("> {:.0} ms", MOST * 1e3),
         Some(x) => format!("{:.3} ms", x * 1e3),
     };
-    let mut apart = 0;
+    let mut far = 0;
     for (label, Line { prediction, measured, .. }) in labels.iter().zip(lines) {
         let Prediction { factor, masses, latency } = prediction;
         let k = factor.map_or("-".to_owned(), |k| format!("{k:.2}"));
@@ -148,7 +147,7 @@ fn print_table(names: &[&str], lines: &[Line]) -> io::Result<()> {
             (Some(predicted), Some(Some(measured)))
                 if (predicted / measured - 1.0).abs() > LINEAR =>
             {
-                apart += 1;
+                far += 1;
                 if predicted < measured {
                     "only the worst mass fails"
                 } else {
@@ -171,7 +170,7 @@ fn print_table(names: &[&str], lines: &[Line]) -> io::Result<()> {
         writeln!(
             out,
             "{} of {compared} predictions within {:.0} % of the measurement",
-            compared - apart,
+            compared - far,
             LINEAR * 100.0
         )?;
     }

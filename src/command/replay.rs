@@ -18,8 +18,8 @@ use mtj_protocol::shutdown::Shutdown;
 use crate::failure::Failure;
 use crate::replay;
 
-/// Feed recorded states to a controller and compare its torques with the recorded ones, bit for bit; or
-/// play the recording to a dashboard
+/// Feed recorded states to a controller and compare its torques with the recorded ones, bit for
+/// bit; or play the recording to a dashboard
 #[derive(Args, Debug)]
 pub struct Replay {
     /// A recording

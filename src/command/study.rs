@@ -18,10 +18,10 @@ use mtj_study::sweep::{
     runner,
 };
 
-use super::{predict::Predict, report::ReportStudy, which::Which};
+use super::{predict::Predict, report::ReportStudy};
 use crate::{
     failure::Failure,
-    options::{realtime::LoopRealtime, scenario::ScenarioOptions},
+    options::{realtime::LoopRealtime, scenario::ScenarioOptions, study::StudyOptions},
     session::Session,
 };
 
@@ -37,7 +37,7 @@ enum Action {
     /// Print the names of the built-in studies
     List,
     /// Print a study as TOML
-    Show(Which),
+    Show(StudyOptions),
     /// Compute a study's points; run again to go on after an interruption
     Run(Box<RunStudy>),
     /// Join the results of shards and say what is missing
@@ -49,7 +49,7 @@ enum Action {
 #[derive(Args, Debug)]
 struct RunStudy {
     #[command(flatten)]
-    which: Which,
+    study: StudyOptions,
     /// Folder for the results
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -66,7 +66,7 @@ struct RunStudy {
 #[derive(Args, Debug)]
 struct Merge {
     #[command(flatten)]
-    which: Which,
+    study: StudyOptions,
     /// Folders that hold shards; the first receives the joined results
     #[arg(required = true)]
     folders: Vec<PathBuf>,
@@ -84,8 +84,8 @@ impl StudyCommand {
                 }
                 Ok(())
             }
-            Action::Show(which) => {
-                io::stdout().write_all(which.load()?.identity().as_bytes())?;
+            Action::Show(study) => {
+                io::stdout().write_all(study.load()?.shown().as_bytes())?;
                 Ok(())
             }
             Action::Run(run) => run.run(),
@@ -98,7 +98,7 @@ impl StudyCommand {
 
 impl RunStudy {
     fn run(self) -> Result<(), Failure> {
-        let plan = self.which.load()?;
+        let plan = self.study.load()?;
         let shutdown = Shutdown::on_signals();
         let proceed = move || shutdown.proceed();
         let mut results = Results::open(&self.out, &plan, self.shard)?;
@@ -145,7 +145,7 @@ impl RunStudy {
 
 impl Merge {
     fn run(self) -> Result<(), Failure> {
-        let plan = self.which.load()?;
+        let plan = self.study.load()?;
         let missing = results::merge(&self.folders, &plan)?;
         let (all, first) = (plan.len(), self.folders.first());
         if missing.is_empty() {

@@ -6,8 +6,8 @@ use clap::Args;
 use mtj_model::scenario::{BusKind, Override, Scenario, duration};
 use mtj_protocol::shutdown::Shutdown;
 use mtj_study::{
-    experiment,
-    tune::{self, Wanted, limits, print},
+    experiment, shell,
+    tune::{self, Wanted, print},
 };
 
 use super::run::launch_roles;
@@ -30,8 +30,8 @@ pub struct Tune {
     /// Sample period; the scenario's unless given
     #[arg(long, value_name = "DURATION")]
     sample_period: Option<String>,
-    /// Latency from sample to application, or 'measured' on the scenario's bus; the scenario's links'
-    /// unless given
+    /// Latency from sample to application, or 'measured' on the scenario's bus; the scenario's
+    /// links' unless given
     #[arg(long, value_name = "DURATION|measured")]
     latency: Option<String>,
     /// Print one JSON object
@@ -64,7 +64,7 @@ impl Tune {
             (Some(limit), _) => (limit, "given".to_owned()),
             (None, Some(limit)) => (limit.clone(), "the scenario's".to_owned()),
             (None, None) => {
-                let peak = limits::motion(&scenario, &proceed)?.settled_torque_nm;
+                let peak = tune::motion(&scenario, &proceed)?.settled_torque_nm;
                 let limit = peak.iter().map(|torque| SPARE_TORQUE * torque).collect();
                 (limit, format!("none given: {SPARE_TORQUE} x what the motion itself takes"))
             }
@@ -72,7 +72,8 @@ impl Tune {
         let sets_latency = self.latency.is_some();
         let wanted = Wanted { time_constant_s, torque_limit_nm, latency_s, sets_latency };
         let proposal = tune::propose(&scenario, &wanted, &proceed)?;
-        let command = print::command(&self.scenario.scenario, &self.replay(&proposal, &wanted)?);
+        let command =
+            shell::run_command(&self.scenario.scenario, &self.replay(&proposal, &wanted)?);
         let mut out = io::stdout().lock();
         if self.json {
             writeln!(out, "{}", print::object(&proposal, &wanted, &source, &command))?;

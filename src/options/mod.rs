@@ -4,3 +4,4 @@ pub mod audience;
 pub mod output;
 pub mod realtime;
 pub mod scenario;
+pub mod study;

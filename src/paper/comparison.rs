@@ -1,4 +1,4 @@
-//! What the paper says beside what comes out here, and the table of that for people.
+//! Statements of the paper beside our results, as a table for people.
 
 use std::fmt;
 
@@ -6,12 +6,12 @@ use serde::Serialize;
 
 /// One statement of the paper, tested.
 #[derive(Clone, Debug, Serialize)]
-pub struct Comparison {
-    /// Where it stands and what it is about.
+pub(crate) struct Comparison {
+    /// Its place in the paper and its subject.
     pub quantity: String,
-    /// What the paper says.
+    /// The paper's number or words.
     pub printed: String,
-    /// What comes out here.
+    /// Our number.
     pub ours: String,
     /// By how much they differ, or whether what is said holds.
     pub deviation: String,
@@ -20,7 +20,7 @@ pub struct Comparison {
 }
 
 /// The comparison for people.
-pub struct ComparisonTable<'a>(pub &'a [Comparison]);
+pub(crate) struct ComparisonTable<'a>(pub &'a [Comparison]);
 
 impl fmt::Display for ComparisonTable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -47,7 +47,7 @@ impl fmt::Display for ComparisonTable<'_> {
 }
 
 /// Characters that take a column; a combining dot does not.
-pub fn printed_width(text: &str) -> usize {
+pub(crate) fn printed_width(text: &str) -> usize {
     text.chars().filter(|c| !('\u{300}'..='\u{36f}').contains(c)).count()
 }
 

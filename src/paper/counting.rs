@@ -11,7 +11,7 @@ use serde::Serialize;
 
 /// How often each operation was done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Operations {
+pub(crate) struct Operations {
     /// Products.
     pub multiplications: u64,
     /// Quotients.
@@ -40,8 +40,8 @@ thread_local! {
     };
 }
 
-/// What `work` returns and the operations that [`Counted`] numbers did in it, on this thread.
-pub fn count<R>(work: impl FnOnce() -> R) -> (R, Operations) {
+/// The result of `work` and the operations that [`Counted`] numbers did in it, on this thread.
+pub(crate) fn count<R>(work: impl FnOnce() -> R) -> (R, Operations) {
     let before = DONE.replace(Operations::default());
     let result = work();
     let done = DONE.get();
@@ -57,7 +57,7 @@ fn note(change: impl FnOnce(&mut Operations)) {
 
 /// A number whose every operation is counted.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Counted(pub f64);
+pub(crate) struct Counted(pub f64);
 
 macro_rules! implement_operator {
     ($($operator:ident $method:ident $assign:ident $assign_method:ident $counter:ident;)*) => {$(

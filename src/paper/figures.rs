@@ -4,13 +4,10 @@ use mtj_model::trajectory::Trajectory;
 use mtj_plant::{plant::Outcome, trace::TraceRow};
 
 use super::runs::{Runs, RunsError, scenario};
-use mtj_figure::{
-    Axis, Curve, Figure, Panel,
-    colors::{BLUE, VERMILION},
-};
+use mtj_figure::lines::{Curve, LineFigure, LinePanel, ValueAxis};
 
 /// The laws of Figs. 4 and 5: ending of the scenario's name, title of the panel.
-pub const LAWS: [(&str, &str); 4] = [
+pub(crate) const LAWS: [(&str, &str); 4] = [
     ("tj", "(a) TJ, high gains"),
     ("mtj", "(b) MTJ"),
     ("mb", "(c) MB, case 1"),
@@ -20,7 +17,7 @@ pub const LAWS: [(&str, &str); 4] = [
 const DURATION: f64 = 20.0;
 
 /// Every figure with the name of its files.
-pub fn all(runs: &Runs) -> Result<Vec<(&'static str, Figure)>, RunsError> {
+pub(crate) fn all(runs: &Runs) -> Result<Vec<(&'static str, LineFigure)>, RunsError> {
     Ok(vec![
         ("fig1b", desired_path(&scenario("fig4-mtj")?.trajectory)),
         (
@@ -36,27 +33,27 @@ pub fn all(runs: &Runs) -> Result<Vec<(&'static str, Figure)>, RunsError> {
     ])
 }
 
-fn desired_path(trajectory: &Trajectory<f64>) -> Figure {
+fn desired_path(trajectory: &Trajectory<f64>) -> LineFigure {
     const POINTS: u32 = 720;
     let turn = std::f64::consts::TAU; // ω = 1 rad/s
     let path = (0..=POINTS).map(|i| {
         let position = trajectory.at::<2>(turn * f64::from(i) / f64::from(POINTS)).point;
         (position[0], position[1])
     });
-    Figure {
+    LineFigure {
         title: String::new(),
         columns: 1,
-        panel_size: (478, 476),
-        panels: vec![Panel {
+        panel_size: (478.0, 476.0),
+        panels: vec![LinePanel {
             title: "Fig. 1(b): Desired tracking path".to_owned(),
-            x: Axis::new("x (m)", -2.0..2.0),
-            y: Axis::new("y (m)", -2.0..2.0),
-            curves: vec![Curve::new("", BLUE, path)],
+            x: ValueAxis::new("x (m)", -2.0..2.0),
+            y: ValueAxis::new("y (m)", -2.0..2.0),
+            curves: vec![Curve::new("", path)],
         }],
     }
 }
 
-fn tracking_errors(runs: &Runs, name: &str, title: &str) -> Result<Figure, RunsError> {
+fn tracking_errors(runs: &Runs, name: &str, title: &str) -> Result<LineFigure, RunsError> {
     let outcomes = [runs.get(&format!("{name}-tj"))?, runs.get(&format!("{name}-mtj"))?];
     let y = symmetric("tracking error (m)", &outcomes, |row| [row.error[0], row.error[1]]);
     let panels = outcomes
@@ -64,10 +61,10 @@ fn tracking_errors(runs: &Runs, name: &str, title: &str) -> Result<Figure, RunsE
         .zip(["(a) TJ", "(b) MTJ"])
         .map(|(outcome, title)| error_panel(outcome, title, &y))
         .collect();
-    Ok(Figure { title: title.to_owned(), columns: 2, panel_size: (440, 300), panels })
+    Ok(LineFigure { title: title.to_owned(), columns: 2, panel_size: (440.0, 300.0), panels })
 }
 
-fn torques_and_errors(runs: &Runs) -> Result<Figure, RunsError> {
+fn torques_and_errors(runs: &Runs) -> Result<LineFigure, RunsError> {
     let outcomes = outcomes(runs, "fig4")?;
     let torque = symmetric("joint torque (N m)", &outcomes, torques);
     let error = symmetric("tracking error (m)", &outcomes, |row| [row.error[0], row.error[1]]);
@@ -79,10 +76,10 @@ fn torques_and_errors(runs: &Runs) -> Result<Figure, RunsError> {
         })
         .collect();
     let title = "Fig. 4: Joint torques and tracking errors (ω = 1 rad/s)".to_owned();
-    Ok(Figure { title, columns: 2, panel_size: (440, 250), panels })
+    Ok(LineFigure { title, columns: 2, panel_size: (440.0, 250.0), panels })
 }
 
-fn noisy_torques(runs: &Runs) -> Result<Figure, RunsError> {
+fn noisy_torques(runs: &Runs) -> Result<LineFigure, RunsError> {
     let outcomes = outcomes(runs, "fig5")?;
     let y = symmetric("joint torque (N m)", &outcomes, torques);
     let panels = outcomes
@@ -91,7 +88,7 @@ fn noisy_torques(runs: &Runs) -> Result<Figure, RunsError> {
         .map(|(outcome, (_, title))| torque_panel(outcome, title, &y))
         .collect();
     let title = "Fig. 5: Joint torques under noisy feedback (ω = 1 rad/s, 2 % noise)".to_owned();
-    Ok(Figure { title, columns: 2, panel_size: (440, 280), panels })
+    Ok(LineFigure { title, columns: 2, panel_size: (440.0, 280.0), panels })
 }
 
 fn outcomes<'a>(runs: &'a Runs, name: &str) -> Result<Vec<&'a Outcome>, RunsError> {
@@ -102,39 +99,39 @@ fn torques(row: &TraceRow) -> [f64; 2] {
     [row.torque[0], row.torque[1]]
 }
 
-fn torque_panel(outcome: &Outcome, title: &str, y: &Axis) -> Panel {
+fn torque_panel(outcome: &Outcome, title: &str, y: &ValueAxis) -> LinePanel {
     panel(outcome, title, y, ["τ₁", "τ₂"], torques)
 }
 
-fn error_panel(outcome: &Outcome, title: &str, y: &Axis) -> Panel {
+fn error_panel(outcome: &Outcome, title: &str, y: &ValueAxis) -> LinePanel {
     panel(outcome, title, y, ["e(x)", "e(y)"], |row| [row.error[0], row.error[1]])
 }
 
 fn panel(
     outcome: &Outcome,
     title: &str,
-    y: &Axis,
-    labels: [&str; 2],
+    y: &ValueAxis,
+    names: [&str; 2],
     values: fn(&TraceRow) -> [f64; 2],
-) -> Panel {
-    let curve = |i: usize, color| {
+) -> LinePanel {
+    let curve = |i: usize| {
         // No torque is in effect before the first command.
         let rows = outcome.trace.iter().skip(1);
-        Curve::new(labels[i], color, rows.map(|row| (row.time, values(row)[i])))
+        Curve::new(names[i], rows.map(|row| (row.time, values(row)[i])))
     };
-    Panel {
+    LinePanel {
         title: title.to_owned(),
-        x: Axis::new("time (s)", 0.0..DURATION),
+        x: ValueAxis::new("time (s)", 0.0..DURATION),
         y: y.clone(),
-        curves: vec![curve(0, BLUE), curve(1, VERMILION)],
+        curves: vec![curve(0), curve(1)],
     }
 }
 
-/// One axis about zero on which every value of every outcome can be seen.
-fn symmetric(label: &str, outcomes: &[&Outcome], values: fn(&TraceRow) -> [f64; 2]) -> Axis {
+/// One axis, symmetric about zero, for every value of every outcome.
+fn symmetric(label: &str, outcomes: &[&Outcome], values: fn(&TraceRow) -> [f64; 2]) -> ValueAxis {
     let rows = outcomes.iter().flat_map(|outcome| &outcome.trace);
     let peak = rows.flat_map(values).map(f64::abs).fold(0.0, f64::max) * 1.05;
-    Axis::new(label, -peak..peak)
+    ValueAxis::new(label, -peak..peak)
 }
 
 #[cfg(test)]
@@ -150,7 +147,7 @@ mod tests {
         let figures = all(&runs).unwrap();
         assert_eq!(figures.len(), 5);
         for (name, figure) in figures {
-            let svg = figure.svg().unwrap();
+            let svg = figure.svg();
             assert!(svg.len() < 500_000, "{name} has {} bytes", svg.len());
             usvg::roxmltree::Document::parse(&svg).unwrap();
             let picture = Pixmap::decode_png(&raster::png(&svg).unwrap()).unwrap();

@@ -6,12 +6,12 @@
 //! | [`figures`] | Figs. 1(b) to 5, drawn from their traces |
 //! | [`counting`] | a number that counts the operations it takes part in |
 //! | [`operations`] | Table 1, by running the laws on such numbers |
-//! | [`table`] | what the paper prints beside what comes out here |
+//! | [`table`] | the paper's numbers beside ours |
 //! | [`comparison`] | one statement of it, and the table as text |
 
-pub mod comparison;
-pub mod counting;
-pub mod figures;
-pub mod operations;
-pub mod runs;
-pub mod table;
+pub(crate) mod comparison;
+pub(crate) mod counting;
+pub(crate) mod figures;
+pub(crate) mod operations;
+pub(crate) mod runs;
+pub(crate) mod table;

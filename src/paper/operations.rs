@@ -1,4 +1,4 @@
-//! Table 1, by running the laws on numbers that count.
+//! Table 1, counted by running the laws on numbers that count their operations.
 //!
 //! As in the paper N = M, all matrices are full, the tracking error is given, and for mb so are the
 //! inverse Jacobian and H, C. A step is the law's task force and then τ = Jᵀ Q̂.
@@ -28,11 +28,11 @@ use super::{
 };
 
 /// The sizes that are counted.
-pub const SIZES: std::ops::RangeInclusive<u64> = 2..=7;
+pub(crate) const SIZES: std::ops::RangeInclusive<u64> = 2..=7;
 
 /// The operations of one step of each law at one size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Counts {
+pub(crate) struct Counts {
     /// Joints and task axes.
     pub n: u64,
     /// tj.
@@ -52,7 +52,7 @@ pub struct Counts {
 }
 
 /// A formula that the paper prints, or one like it.
-pub struct Formula {
+pub(crate) struct Formula {
     /// As text.
     pub text: &'static str,
     /// Its value at a size.
@@ -60,32 +60,34 @@ pub struct Formula {
 }
 
 /// The printed formulas.
-pub mod printed {
+pub(crate) mod printed {
     use super::Formula;
 
     /// Multiplications of tj, Table 1.
-    pub const TJ_MULTIPLICATIONS: Formula = Formula { text: "3N²", at: |n| 3 * n * n };
+    pub(crate) const TJ_MULTIPLICATIONS: Formula = Formula { text: "3N²", at: |n| 3 * n * n };
     /// Additions of tj, Table 1.
-    pub const TJ_ADDITIONS: Formula = Formula { text: "3N²−2N", at: |n| 3 * n * n - 2 * n };
+    pub(crate) const TJ_ADDITIONS: Formula =
+        Formula { text: "3N²−2N", at: |n| 3 * n * n - 2 * n };
     /// Multiplications of mtj, Table 1.
-    pub const MTJ_MULTIPLICATIONS_TABLE: Formula =
+    pub(crate) const MTJ_MULTIPLICATIONS_TABLE: Formula =
         Formula { text: "3N²+2", at: |n| 3 * n * n + 2 };
     /// Multiplications of mtj, text below eq. (17).
-    pub const MTJ_MULTIPLICATIONS_TEXT: Formula =
+    pub(crate) const MTJ_MULTIPLICATIONS_TEXT: Formula =
         Formula { text: "3N²+N+2", at: |n| 3 * n * n + n + 2 };
     /// Additions of mtj, Table 1 and text.
-    pub const MTJ_ADDITIONS: Formula = Formula { text: "3N²−N+1", at: |n| 3 * n * n - n + 1 };
+    pub(crate) const MTJ_ADDITIONS: Formula =
+        Formula { text: "3N²−N+1", at: |n| 3 * n * n - n + 1 };
     /// Multiplications of mb, Table 1.
-    pub const MB_MULTIPLICATIONS: Formula =
+    pub(crate) const MB_MULTIPLICATIONS: Formula =
         Formula { text: "2N³+7N²", at: |n| 2 * n * n * n + 7 * n * n };
     /// Additions of mb, Table 1.
-    pub const MB_ADDITIONS: Formula =
+    pub(crate) const MB_ADDITIONS: Formula =
         Formula { text: "2N³+5N²−4N", at: |n| 2 * n * n * n + 5 * n * n - 4 * n };
 }
 
 impl Counts {
     /// mtj (15a) without the work in the two norms, which the paper leaves out.
-    pub fn mtj_without_norms(&self) -> Operations {
+    pub(crate) fn mtj_without_norms(&self) -> Operations {
         let (all, norms) = (self.mtj_exponential, self.norms);
         Operations {
             multiplications: all.multiplications - norms.multiplications,
@@ -96,13 +98,13 @@ impl Counts {
     }
 
     /// mb with the product of J̇ and q̇ included.
-    pub fn mb_from_jacobian_rate(&self) -> Operations {
+    pub(crate) fn mb_from_jacobian_rate(&self) -> Operations {
         self.mb + self.jacobian_rate_times_velocity
     }
 }
 
 /// Counts every law at every size.
-pub fn count_all() -> Vec<Counts> {
+pub(crate) fn count_all() -> Vec<Counts> {
     SIZES
         .filter_map(|n| JointCount::new(n as usize))
         .map(|joints| for_joints!(joints, N => count_at::<N>()))
@@ -150,8 +152,8 @@ fn count_at<const N: usize>() -> Counts {
     }
 }
 
-/// What the counts say about the printed formulas.
-pub const FINDINGS: [&str; 4] = [
+/// Findings about the printed formulas.
+pub(crate) const FINDINGS: [&str; 4] = [
     "TJ: counted and printed are equal at every N.",
     "MTJ: with k of (15a), and with divisions counted as multiplications, the count is 3N²+N+2, the \
      text's formula, once the norms' own 2N multiplications and 2N−2 additions are set aside: k \
@@ -165,7 +167,7 @@ pub const FINDINGS: [&str; 4] = [
 ];
 
 /// Table 1 for people.
-pub struct Table1<'a>(pub &'a [Counts]);
+pub(crate) struct Table1<'a>(pub &'a [Counts]);
 
 impl fmt::Display for Table1<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -12,7 +12,7 @@ use mtj_plant::{error::PlantError, plant::Outcome};
 use mtj_study::experiment;
 
 /// The scenarios, `paper/` left out.
-pub const NAMES: [&str; 12] = [
+pub(crate) const NAMES: [&str; 12] = [
     "fig2-tj",
     "fig2-mtj",
     "fig3-tj",
@@ -29,7 +29,7 @@ pub const NAMES: [&str; 12] = [
 
 /// Why the runs were not completed.
 #[derive(Debug, thiserror::Error)]
-pub enum RunsError {
+pub(crate) enum RunsError {
     /// A scenario is not acceptable.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
@@ -42,8 +42,8 @@ pub enum RunsError {
 }
 
 impl RunsError {
-    /// Whether the user asked for something that cannot be.
-    pub fn is_bad_input(&self) -> bool {
+    /// Whether the cause is what the user gave.
+    pub(crate) fn is_bad_input(&self) -> bool {
         match self {
             Self::Scenario(_) => true,
             Self::Plant(error) => error.is_bad_input(),
@@ -53,11 +53,11 @@ impl RunsError {
 }
 
 /// Outcomes by the names in [`NAMES`].
-pub struct Runs(BTreeMap<&'static str, Outcome>);
+pub(crate) struct Runs(BTreeMap<&'static str, Outcome>);
 
 impl Runs {
-    /// Runs everything, on all cores, for as long as `proceed` says so.
-    pub fn make(proceed: &(dyn Fn() -> bool + Sync)) -> Result<Self, RunsError> {
+    /// Runs all of them, on all cores, until `proceed` returns false.
+    pub(crate) fn make(proceed: &(dyn Fn() -> bool + Sync)) -> Result<Self, RunsError> {
         let next = AtomicUsize::new(0);
         let work = || {
             let mut done = Vec::new();
@@ -79,18 +79,18 @@ impl Runs {
     }
 
     /// The outcome of a run.
-    pub fn get(&self, name: &str) -> Result<&Outcome, RunsError> {
+    pub(crate) fn get(&self, name: &str) -> Result<&Outcome, RunsError> {
         self.0.get(name).ok_or_else(|| RunsError::Incomplete(name.to_owned()))
     }
 
     /// All outcomes, in the order of [`NAMES`].
-    pub fn in_order(&self) -> impl Iterator<Item = &Outcome> {
+    pub(crate) fn in_order(&self) -> impl Iterator<Item = &Outcome> {
         NAMES.iter().filter_map(|name| self.0.get(name))
     }
 }
 
 /// The built-in scenario of a name.
-pub fn scenario(name: &str) -> Result<Scenario, ScenarioError> {
+pub(crate) fn scenario(name: &str) -> Result<Scenario, ScenarioError> {
     Scenario::load(&format!("paper/{name}"), &[])
 }
 

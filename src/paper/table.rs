@@ -1,4 +1,4 @@
-//! What the paper prints beside what comes out here.
+//! The paper's numbers beside ours.
 
 use mtj_plant::{report::Report, trace::TraceRow};
 
@@ -9,8 +9,8 @@ use super::{
     runs::{Runs, RunsError},
 };
 
-/// What the paper gives no number for, or what its numbers leave open.
-pub const NOT_REPRODUCIBLE: [&str; 6] = [
+/// Statements without a number, and what the numbers leave open.
+pub(crate) const NOT_REPRODUCIBLE: [&str; 6] = [
     "The curves of the figures are published only as pictures, so they can be compared by eye only.",
     "'About five times smaller' is read off Fig. 4; neither the measure nor the time span is given. \
      Here errors count over the second half of the run, when the initial error has died away.",
@@ -25,16 +25,16 @@ pub const NOT_REPRODUCIBLE: [&str; 6] = [
      quantities within a factor of two, and 'about the same' torques are shown without a verdict.",
 ];
 
-/// Up to this ratio two numbers pass for almost the same.
+/// Up to this ratio two numbers count as almost the same.
 const ALMOST: f64 = 2.0;
-/// Up to this difference two tracking errors pass for fairly similar, m.
+/// Up to this difference two tracking errors count as fairly similar, m.
 const SIMILAR: f64 = 1e-3;
 
 /// Energies of Fig. 4, (a) to (d), J.
-pub const PRINTED_ENERGIES: [f64; 4] = [153.0, 156.0, 153.0, 154.0];
+pub(crate) const PRINTED_ENERGIES: [f64; 4] = [153.0, 156.0, 153.0, 154.0];
 
 /// Every statement of section 4 that has a number, and Table 1.
-pub fn compare(runs: &Runs, counts: &[Counts]) -> Result<Vec<Comparison>, RunsError> {
+pub(crate) fn compare(runs: &Runs, counts: &[Counts]) -> Result<Vec<Comparison>, RunsError> {
     let mut all = low_and_high_speed(runs)?;
     all.extend(fig4(runs)?);
     all.extend(fig5(runs)?);
@@ -49,13 +49,13 @@ fn low_and_high_speed(runs: &Runs) -> Result<Vec<Comparison>, RunsError> {
     let (peak_tj, peak_mtj) = (peak("fig2-tj")?, peak("fig2-mtj")?);
     let (rise, slow) = (peak_tj / peak_mtj, rms(slow_tj) / rms(slow_mtj));
     let fast = rms(fast_tj) / rms(fast_mtj);
-    let apart = (rms(slow_tj) - rms(slow_mtj)).abs();
+    let difference = (rms(slow_tj) - rms(slow_mtj)).abs();
     Ok(vec![
         claim(
             "Fig. 2  rms error, TJ and MTJ",
             "fairly similar",
             format!("{:.2} and {:.2} mm, {slow:.1} to 1", mm(slow_tj), mm(slow_mtj)),
-            apart < SIMILAR,
+            difference < SIMILAR,
             slow,
         ),
         claim(

@@ -1,4 +1,4 @@
-//! What comes out of a replay.
+//! How the answers of a replay compare with the recorded ones.
 
 use std::fmt;
 
@@ -7,12 +7,12 @@ use serde::Serialize;
 
 /// How the answers of a replay compare with the recorded ones.
 #[derive(Debug, Default, Serialize)]
-pub struct Findings {
+pub(crate) struct Findings {
     /// States in the recording.
     pub states: u64,
     /// Torques in the recording.
     pub torques: u64,
-    /// Torques that were held against an answer of the replay.
+    /// Torques that were compared with an answer of the replay.
     pub compared: u64,
     /// Those that were not the same to the last bit.
     pub differing: u64,
@@ -37,7 +37,7 @@ pub struct Findings {
 
 /// One sampling instant of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Instant {
+pub(crate) struct Instant {
     /// Which run.
     pub run: u64,
     /// Which sample of it.
@@ -48,7 +48,7 @@ pub struct Instant {
 
 /// A torque that is not the recorded one.
 #[derive(Debug, Serialize)]
-pub struct Difference {
+pub(crate) struct Difference {
     /// Of which sample.
     pub at: Instant,
     /// N m.
@@ -59,7 +59,7 @@ pub struct Difference {
 
 /// The largest difference on a joint.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Largest {
+pub(crate) struct Largest {
     /// |Δτ|, N m.
     pub difference_nm: f64,
     /// Where.
@@ -67,8 +67,8 @@ pub struct Largest {
 }
 
 impl Instant {
-    /// The instant a sample is about.
-    pub fn of(header: &Header) -> Self {
+    /// The sampling instant of a sample.
+    pub(crate) fn of(header: &Header) -> Self {
         let Header { run, sequence, time_ns, .. } = *header;
         Self { run, sequence, time_s: time_ns as f64 / 1e9 }
     }

@@ -4,13 +4,13 @@ use std::collections::VecDeque;
 
 use mtj_protocol::sample::{Header, StateSample, TorqueSample};
 
-/// How many states wait for their torque, and torques for their state: a monitor empties topics one
-/// after the other, so that one may be ahead of the other by what a stream holds.
+/// The most states that wait for their torque, and torques for their state. A monitor empties one
+/// topic after the other, so that one may be ahead of the other by what a stream holds.
 const MOST: usize = 16384;
 
 /// Joins two streams that each keep their order, in bounded memory.
-#[derive(Default)]
-pub struct Pairs {
+#[derive(Debug, Default)]
+pub(crate) struct Pairs {
     states: VecDeque<Asked>,
     torques: VecDeque<TorqueSample>,
     runs: Vec<u64>,
@@ -23,15 +23,16 @@ pub struct Pairs {
 
 /// A state and the torque that answered it.
 #[derive(Debug, PartialEq)]
-pub struct Pair {
-    /// What was asked.
+pub(crate) struct Pair {
+    /// The state.
     pub state: StateSample,
-    /// What was answered.
+    /// The torque that answered it.
     pub torque: TorqueSample,
-    /// States before this one are not in the recording, which the controller may have answered.
+    /// Whether states before this one, which the controller may have answered, are missing.
     pub after_gap: bool,
 }
 
+#[derive(Debug)]
 struct Asked {
     state: StateSample,
     after_gap: bool,
@@ -44,15 +45,18 @@ impl Asked {
 }
 
 /// Where the state of a torque is.
-enum Whereabouts {
+enum StateOf {
+    /// The first of those that wait.
     First,
-    NotYet,
-    Never,
+    /// Still to come.
+    ToCome,
+    /// Not in the recording.
+    Missing,
 }
 
 impl Pairs {
-    /// Takes in a state.
-    pub fn ask(&mut self, state: StateSample) {
+    /// Adds a state.
+    pub(crate) fn ask(&mut self, state: StateSample) {
         let (run, sequence) = (state.header.run, state.header.sequence);
         let expected = self.newest.filter(|(newest, _)| *newest == run).map_or(0, |(_, s)| s + 1);
         if !self.runs.contains(&run) {
@@ -65,32 +69,32 @@ impl Pairs {
         }
     }
 
-    /// Takes in a torque.
-    pub fn answer(&mut self, torque: TorqueSample) {
+    /// Adds a torque.
+    pub(crate) fn answer(&mut self, torque: TorqueSample) {
         self.torques.push_back(torque);
     }
 
-    /// The next pair, in the order of the torques; `None` if more has to be taken in, or if its time
-    /// has not come: `is_ready` says so of what it begins with.
-    pub fn next(&mut self, is_ready: impl Fn(&Header) -> bool) -> Option<Pair> {
+    /// The next pair, in the order of the torques; `None` if more has to be added, or if the next
+    /// torque is not ready.
+    pub(crate) fn next(&mut self, is_ready: impl Fn(&Header) -> bool) -> Option<Pair> {
         while let Some(torque) = self.torques.front().copied() {
             if !is_ready(&torque.header) && self.torques.len() <= MOST {
                 return None;
             }
             let place = (torque.header.run, torque.header.sequence);
-            // Said once more to a plant that did not hear it, or by a second controller.
+            // Repeated for a plant that did not receive it, or from a second controller.
             if self.answered.is_some_and(|(run, newest)| run == place.0 && place.1 <= newest) {
                 self.repeated += 1;
                 self.torques.pop_front();
                 continue;
             }
             match self.search(place) {
-                Whereabouts::NotYet if self.torques.len() <= MOST => return None,
-                Whereabouts::NotYet | Whereabouts::Never => {
+                StateOf::ToCome if self.torques.len() <= MOST => return None,
+                StateOf::ToCome | StateOf::Missing => {
                     self.without_state += 1;
                     self.torques.pop_front();
                 }
-                Whereabouts::First => {
+                StateOf::First => {
                     self.torques.pop_front();
                     self.answered = Some(place);
                     let Asked { state, .. } = self.pass()?;
@@ -102,12 +106,12 @@ impl Pairs {
         None
     }
 
-    /// Lets go of states that nobody answered, until the wanted one is the first.
-    fn search(&mut self, (run, sequence): (u64, u64)) -> Whereabouts {
+    /// Drops states without an answer until the wanted one is the first.
+    fn search(&mut self, (run, sequence): (u64, u64)) -> StateOf {
         while let Some(first) = self.states.front() {
             let place = first.place();
             if place == (run, sequence) {
-                return Whereabouts::First;
+                return StateOf::First;
             }
             let is_later = match place.0 == run {
                 true => place.1 > sequence,
@@ -122,7 +126,7 @@ impl Pairs {
             Some((newest, last)) if newest == run => last < sequence,
             _ => !self.runs.contains(&run),
         };
-        if is_to_come { Whereabouts::NotYet } else { Whereabouts::Never }
+        if is_to_come { StateOf::ToCome } else { StateOf::Missing }
     }
 
     fn pass(&mut self) -> Option<Asked> {
@@ -131,19 +135,19 @@ impl Pairs {
         Some(first)
     }
 
-    /// There is nothing more to come.
-    pub fn finish(&mut self) {
+    /// Ends the recording: torques that still wait have no state.
+    pub(crate) fn finish(&mut self) {
         self.without_state += self.torques.len() as u64;
         self.torques.clear();
     }
 
     /// Torques that answered what had been answered.
-    pub fn repeated(&self) -> u64 {
+    pub(crate) fn repeated(&self) -> u64 {
         self.repeated
     }
 
     /// Torques whose state is not in the recording.
-    pub fn without_state(&self) -> u64 {
+    pub(crate) fn without_state(&self) -> u64 {
         self.without_state
     }
 }
@@ -186,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_in_the_states_is_told_and_so_is_a_torque_without_state() {
+    fn a_gap_in_the_states_and_a_torque_without_state_are_counted() {
         let mut pairs = Pairs::default();
         [5, 6, 9].into_iter().for_each(|i| pairs.ask(state(1, i)));
         [4, 5, 6, 7, 9].into_iter().for_each(|i| pairs.answer(torque(1, i)));
@@ -226,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_is_bounded_however_long_the_other_side_stays_away() {
+    fn memory_is_bounded_when_one_side_is_missing() {
         let mut pairs = Pairs::default();
         for i in 0..3 * MOST as u64 {
             pairs.answer(torque(1, i));

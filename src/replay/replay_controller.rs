@@ -1,26 +1,27 @@
 //! The controller that answers once more.
 
 use mtj_controller::Controller;
-use mtj_model::scenario::{Override, Scenario};
+use mtj_model::scenario::{Override, Scenario, ScenarioError};
 use mtj_protocol::{
     port::Offered,
     sample::{Header, TorqueSample},
 };
 
 use super::{
+    ReplayError,
     findings::{Findings, Instant},
     pairs::Pair,
 };
 
 /// Follows a recorded run with a controller of its own.
-pub struct ReplayController<'a> {
+pub(crate) struct ReplayController<'a> {
     set: &'a [Override],
-    /// Of the newest run, by revision.
+    /// Run, revision and scenario, of the newest run and of the one that is answered.
     scenarios: Vec<(u64, u32, Scenario)>,
-    part: Option<Part>,
+    run_state: Option<RunState>,
 }
 
-struct Part {
+struct RunState {
     run: u64,
     revision: u32,
     controller: Controller,
@@ -32,46 +33,49 @@ struct Part {
 
 impl<'a> ReplayController<'a> {
     /// Answers as the recorded scenarios say, with `set` laid over them.
-    pub fn new(set: &'a [Override]) -> Self {
-        Self { set, scenarios: Vec::new(), part: None }
+    pub(crate) fn new(set: &'a [Override]) -> Self {
+        Self { set, scenarios: Vec::new(), run_state: None }
     }
 
-    /// Takes in a scenario that states will be about.
-    pub fn learn(&mut self, offered: &Offered) -> Result<(), String> {
+    /// Adds a scenario, to which later states belong.
+    pub(crate) fn learn(&mut self, offered: &Offered) -> Result<(), ScenarioError> {
         let Offered { run, revision, scenario } = offered;
-        let scenario = Scenario::parse(&scenario.name, scenario.text(), self.set)
-            .map_err(|error| error.to_string())?;
+        let scenario = Scenario::parse(&scenario.name, scenario.text(), self.set)?;
         // Answers of the run before may still come.
-        let before = self.part.as_ref().map(|part| part.run);
+        let before = self.run_state.as_ref().map(|part| part.run);
         self.scenarios.retain(|(known, ..)| known == run || Some(*known) == before);
         self.scenarios.push((*run, *revision, scenario));
         Ok(())
     }
 
-    /// Whether it has the scenario that a sample is about.
-    pub fn knows(&self, header: &Header) -> bool {
+    /// Whether it has the scenario of a sample.
+    pub(crate) fn knows(&self, header: &Header) -> bool {
         scenario_of(&self.scenarios, header).is_some()
     }
 
-    /// Answers a state and holds the answer against the recorded one.
-    pub fn answer(&mut self, pair: &Pair, findings: &mut Findings) -> Result<(), String> {
+    /// Answers a state and compares the answer with the recorded one.
+    pub(crate) fn answer(
+        &mut self,
+        pair: &Pair,
+        findings: &mut Findings,
+    ) -> Result<(), ReplayError> {
         let Pair { state, torque, after_gap } = pair;
-        let refuse = |error| format!("at {}: {error}", Instant::of(&state.header));
+        let refuse = |source| ReplayError::Law { at: Instant::of(&state.header), source };
         let Some((revision, scenario)) = scenario_of(&self.scenarios, &state.header) else {
             findings.without_scenario += 1;
-            self.part = None;
+            self.run_state = None;
             return Ok(());
         };
-        let is_new = self.part.as_ref().is_none_or(|part| part.run != state.header.run);
-        let part = self.part.get_or_insert_with(|| Part::new(torque, revision, scenario));
+        let is_new = self.run_state.as_ref().is_none_or(|part| part.run != state.header.run);
+        let part = self.run_state.get_or_insert_with(|| RunState::new(torque, revision, scenario));
         if is_new {
-            *part = Part::new(torque, revision, scenario);
+            *part = RunState::new(torque, revision, scenario);
         } else if part.revision != revision {
             part.revision = revision;
             part.controller.reconfigure(scenario);
         }
         if !is_new && part.recorded != torque.controller {
-            // What it remembered while it stood by, or that it had just started, shows only now.
+            // Whether it had been standing by or had just started shows only now.
             findings.takeovers += 1;
             part.recorded = torque.controller;
             part.is_joining = true;
@@ -92,7 +96,7 @@ impl<'a> ReplayController<'a> {
     }
 }
 
-impl Part {
+impl RunState {
     fn new(torque: &TorqueSample, revision: u32, scenario: &Scenario) -> Self {
         Self {
             run: torque.header.run,
@@ -104,7 +108,7 @@ impl Part {
     }
 }
 
-/// The scenario that a state is about: as the roles do, the next one known if its own is not.
+/// The scenario of a state: the next one known if its own is not, as in the roles.
 fn scenario_of<'s>(
     scenarios: &'s [(u64, u32, Scenario)],
     header: &Header,

@@ -7,6 +7,8 @@ use mtj_model::scenario::ScenarioError;
 use mtj_plant::error::PlantError;
 use mtj_protocol::bus::BusError;
 
+use crate::tune::Rejected;
+
 /// Why a study, a prediction or a proposal of gains failed.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
@@ -22,23 +24,75 @@ pub enum StudyError {
     /// A figure could not be drawn or written.
     #[error(transparent)]
     Figure(#[from] FigureError),
+    /// There is no such study.
+    #[error(
+        "there is no built-in study '{name}' and the file could not be read ({source}); \
+         'mtj study list' prints the built-in names"
+    )]
+    NoStudy {
+        /// The name that was given.
+        name: String,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// A folder holds no study.
+    #[error(
+        "{}: no study could be read ({source}); 'mtj study run STUDY --out DIR' fills a folder",
+        path.display()
+    )]
+    NoStudyIn {
+        /// The file that should hold it.
+        path: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// A study is not TOML.
+    #[error("{name}: not TOML: {}", source.message())]
+    NotToml {
+        /// The study.
+        name: String,
+        /// The reader's error.
+        source: toml::de::Error,
+    },
+    /// The scenario of a study is neither built in nor a file.
+    #[error(
+        "{study}: scenario = '{scenario}' is neither a built-in scenario nor a file: there is no {}; \
+         a relative path starts at the folder of the study",
+        path.display()
+    )]
+    NoScenario {
+        /// The study.
+        study: String,
+        /// As the study names it.
+        scenario: String,
+        /// Where it was looked for.
+        path: PathBuf,
+    },
+    /// A study has no points, or too many.
+    #[error("{name}: expected axes that make 1 to {most} points")]
+    PointCount {
+        /// The study.
+        name: String,
+        /// The most points.
+        most: usize,
+    },
     /// The controller of a run over a bus could not be started.
     #[error("a controller could not be started: {0}")]
     Spawn(#[from] io::Error),
     /// The folder for the results cannot be made.
     #[error("--out {}: {source}; give a folder that can be written", folder.display())]
     Folder {
-        /// What was asked for.
+        /// The folder that was given.
         folder: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
     /// A file of the study cannot be read or written.
     #[error("{}: {source}", path.display())]
     File {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
     /// A row cannot be appended.
@@ -46,15 +100,15 @@ pub enum StudyError {
     Append {
         /// The file of results.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
     /// The file of results is not CSV.
     #[error("{}: {source}", path.display())]
     Csv {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// What its reader said.
+        /// The reader's error.
         source: csv::Error,
     },
     /// The folder belongs to another study.
@@ -76,7 +130,7 @@ pub enum StudyError {
     TwoResults {
         /// Number of the point.
         point: usize,
-        /// Where the second one is.
+        /// The file of the second one.
         path: PathBuf,
     },
     /// There is nothing to report.
@@ -98,21 +152,22 @@ pub enum StudyError {
     TorqueLimit {
         /// From 1.
         joint: usize,
-        /// What the motion takes, N m.
+        /// The torque that the motion takes, N m.
         needed: f64,
-        /// What the joint has, N m.
+        /// The torque that the joint has, N m.
         limit: f64,
     },
     /// No gains satisfy all limits.
     #[error(
         "none of the gains tried with K_d/K_p = {time_constant_s} s satisfies all limits; in the way \
-         at the last: {limit}"
+         at the last: {}",
+        last.as_ref().map_or("nothing".to_owned(), ToString::to_string)
     )]
     NoGains {
         /// The wanted time constant of the error.
         time_constant_s: f64,
-        /// The limit that the last gains did not satisfy.
-        limit: String,
+        /// What was tried last, and the limit that it did not satisfy.
+        last: Option<Box<Rejected>>,
     },
     /// The user ended it.
     #[error("stopped before {0}")]
@@ -123,13 +178,18 @@ pub enum StudyError {
 }
 
 impl StudyError {
-    /// Whether the user asked for something that cannot be.
+    /// Whether the cause is what the user gave.
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::Plant(error) => error.is_bad_input(),
             Self::Bus(error) => error.is_bad_input(),
             Self::Figure(error) => error.is_bad_input(),
             Self::Scenario(_)
+            | Self::NoStudy { .. }
+            | Self::NoStudyIn { .. }
+            | Self::NotToml { .. }
+            | Self::NoScenario { .. }
+            | Self::PointCount { .. }
             | Self::Folder { .. }
             | Self::File { .. }
             | Self::Csv { .. }

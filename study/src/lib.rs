@@ -7,11 +7,13 @@
 //! | [`predict`] | the largest latency that a loop stands, by theory and by simulation |
 //! | [`tune`] | gains, memory and prediction for what is wanted |
 //! | [`report`] | the results of a sweep as a page and as figures |
+//! | [`shell`] | the command that repeats one run |
 
 pub mod error;
 pub mod experiment;
 pub mod predict;
 pub mod report;
+pub mod shell;
 pub mod sweep;
 pub mod tune;
 

@@ -114,7 +114,7 @@ fn is_close(ours: Option<f64>, theirs: Option<f64>, tolerance: f64) -> bool {
 fn every_lane_agrees_with_the_scalar_reference() {
     let scenarios = mixed("auto");
     assert!(scenarios.len() > 200, "{}", scenarios.len());
-    assert!(scenarios.iter().all(|scenario| lanes::structure(scenario).is_some()));
+    assert!(scenarios.iter().all(|scenario| lanes::shape(scenario).is_some()));
     let (usual, fine) = (mixed("1 ms"), mixed("0.1 ms"));
     let (mut compared, mut unsettled, mut diverged) = (0, 0, 0);
     for (i, ours) in in_lanes(&scenarios).into_iter().enumerate() {
@@ -127,8 +127,9 @@ fn every_lane_agrees_with_the_scalar_reference() {
             }
         };
         let usual = reference(&usual[i]).unwrap();
-        // A run that a thousandth of a millimetre's change drives elsewhere has no exact result: what a
-        // reference of usual steps has in common with one of fine steps is what can be asked for.
+        // A run that a thousandth of a millimetre's change drives elsewhere has no exact result:
+        // what a reference of usual steps has in common with one of fine steps is what can be asked
+        // for.
         let is_settled = !theirs.diverged && is_close(usual.rms_error_m, theirs.rms_error_m, 1e-10);
         if !is_settled {
             unsettled += 1;
@@ -211,8 +212,8 @@ fn runs_with_other_masses_and_thresholds_lie_side_by_side() {
     ];
     for law in of_mass {
         let (scenarios, fine) = (each(law, "auto"), each(law, "0.1 ms"));
-        let structure = lanes::structure(&scenarios[0]);
-        assert!(scenarios.iter().all(|scenario| lanes::structure(scenario) == structure));
+        let shape = lanes::shape(&scenarios[0]);
+        assert!(scenarios.iter().all(|scenario| lanes::shape(scenario) == shape));
         let ours = in_lanes(&scenarios);
         let mut errors = Vec::new();
         for (i, ours) in ours.iter().enumerate() {
@@ -291,7 +292,7 @@ fn what_lanes_do_not_do_is_the_scalar_path_bit_for_bit() {
             vec![set("timing.clock", "lockstep"), set("timing.integration_step", "auto")];
         sets.extend(more);
         let scenario = Scenario::load("sampled/mtj", &sets).unwrap();
-        assert_eq!(lanes::structure(&scenario), None);
+        assert_eq!(lanes::shape(&scenario), None);
         let expected = experiment::run_direct(&scenario, false, &|| true).unwrap().report;
         assert_eq!(in_lanes(std::slice::from_ref(&scenario))[0], Ok(expected));
     }

@@ -18,7 +18,7 @@ use crate::failure::Failure;
 struct Line(AtomicU64);
 
 /// Round trips of a number that one thread makes odd and the other even.
-pub fn measure(effort: &Effort) -> Result<Durations, Failure> {
+pub(crate) fn measure(effort: &Effort) -> Result<Durations, Failure> {
     let line = Line(AtomicU64::new(0));
     let mut trips = Durations::default();
     let ping = Realtime::from(&effort.realtime.plant());

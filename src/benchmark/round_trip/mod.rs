@@ -1,14 +1,14 @@
-//! What a loop's round trip costs on this machine, beside what its transport costs alone and beside the
-//! floor under both: one cache line that two cores pass to each other.
+//! Round trips of a loop on this machine, compared with its bare transport and with the floor of
+//! both: one cache line that two cores pass to each other.
 //!
-//! Everything is measured in turns, several rounds of it, so that whatever else the machine does meets all alike;
-//! only ratios within a round are compared.
+//! All are measured in turn, for several rounds, so that other load on the machine affects all
+//! alike; only ratios within a round are compared.
 
-pub mod bare;
+pub(crate) mod bare;
 mod floor;
 mod own;
-pub mod print;
-pub mod rate;
+pub(crate) mod print;
+pub(crate) mod rate;
 
 use std::{net::TcpListener, time::Duration};
 
@@ -18,15 +18,15 @@ use serde::Serialize;
 
 use crate::{failure::Failure, options::realtime::LoopRealtime};
 
-pub use bare::echo;
-pub use rate::{Held, highest_rate};
+pub(crate) use bare::echo;
+pub(crate) use rate::{Held, highest_rate};
 
 /// Whether to go on.
-pub type Proceed<'a> = &'a (dyn Fn() -> bool + Sync);
+pub(crate) type Proceed<'a> = &'a (dyn Fn() -> bool + Sync);
 
 /// A way to close the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Way {
+pub(crate) struct Way {
     /// The transport.
     pub bus: BusKind,
     /// How both ends wait.
@@ -34,11 +34,12 @@ pub struct Way {
 }
 
 impl Way {
-    /// How often a round trip begins; as soon as the one before is over, if nothing is said.
+    /// The period of round trips; `None` if each begins as soon as the one before has ended.
     ///
-    /// Ends that spin on shared memory do what is off the critical path, the stream for monitors, in the time
-    /// that is left of a sample period, so they are measured with one. Ends that sleep, or whose transport has
-    /// threads that do, are measured without, or the time that a core takes to wake up would outweigh all else.
+    /// Ends that spin on shared memory do what is off the critical path, the stream for monitors,
+    /// in the time that is left of a sample period, so they are measured with one. Ends that sleep,
+    /// or whose transport has threads that do, are measured without, or the time that a core takes
+    /// to wake up would outweigh all else.
     fn period(&self) -> Option<Duration> {
         (self.bus == BusKind::Iceoryx2 && self.wait == Wait::Spin).then_some(PERIOD)
     }
@@ -49,7 +50,7 @@ const PERIOD: Duration = Duration::from_micros(50);
 
 /// How much is measured.
 #[derive(Clone, Debug)]
-pub struct Effort {
+pub(crate) struct Effort {
     /// How often each is measured.
     pub rounds: usize,
     /// Round trips in each round.
@@ -60,7 +61,7 @@ pub struct Effort {
 
 /// All round trips of one kind.
 #[derive(Default)]
-pub struct Trips {
+pub(crate) struct Trips {
     /// Of all rounds together.
     pub all: Durations,
     /// Median of each round, µs.
@@ -74,9 +75,9 @@ impl Trips {
     }
 }
 
-/// What was measured of one way.
-pub struct Measured {
-    /// Which.
+/// The measurement of one way.
+pub(crate) struct Measurement {
+    /// The way.
     pub way: Way,
     /// Our loop: plant and controller in processes of their own.
     pub own: Trips,
@@ -88,7 +89,7 @@ pub struct Measured {
 
 /// One row for machines, µs.
 #[derive(Debug, Serialize)]
-pub struct Row {
+pub(crate) struct LatencyRow {
     /// Transport.
     pub bus: &'static str,
     /// How both ends waited.
@@ -113,15 +114,15 @@ pub struct Row {
     pub own_to_floor: f64,
 }
 
-impl Measured {
+impl Measurement {
     /// As a row; `None` if nothing was measured.
-    pub fn row(&self) -> Option<Row> {
+    pub(crate) fn row(&self) -> Option<LatencyRow> {
         let Self { way, own, bare, floor } = self;
         let ratio = |to: &Trips| {
             let pairs = own.medians.iter().zip(&to.medians);
             median(&pairs.map(|(own, other)| own / other).collect::<Vec<_>>())
         };
-        Some(Row {
+        Some(LatencyRow {
             bus: way.bus.name(),
             wait: way.wait.name(),
             samples: own.all.count(),
@@ -138,20 +139,20 @@ impl Measured {
 }
 
 /// Measures each way in turn, for as many rounds as were asked for; fewer, if asked to stop.
-pub fn measure(
+pub(crate) fn measure(
     ways: &[Way],
     effort: &Effort,
     proceed: Proceed<'_>,
-) -> Result<Vec<Measured>, Failure> {
-    let begin = |way: &Way| Measured {
+) -> Result<Vec<Measurement>, Failure> {
+    let begin = |way: &Way| Measurement {
         way: *way,
         own: Trips::default(),
         bare: Trips::default(),
         floor: Trips::default(),
     };
-    let mut measured: Vec<Measured> = ways.iter().map(begin).collect();
+    let mut measured: Vec<Measurement> = ways.iter().map(begin).collect();
     for _ in 0..effort.rounds {
-        for Measured { way, own, bare, floor } in &mut measured {
+        for Measurement { way, own, bare, floor } in &mut measured {
             if !proceed() {
                 return Ok(measured);
             }
@@ -164,7 +165,7 @@ pub fn measure(
     Ok(measured)
 }
 
-/// NaN of nothing.
+/// The median; NaN of no values.
 fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -175,7 +176,7 @@ fn median(values: &[f64]) -> f64 {
     }
 }
 
-/// An endpoint on loopback that nobody listens on.
+/// A free endpoint on loopback.
 fn free_endpoint() -> Result<String, Failure> {
     Ok(format!("tcp/{}", TcpListener::bind("127.0.0.1:0")?.local_addr()?))
 }

@@ -1,5 +1,6 @@
-//! Our loop: a plant in this process, its controller in another. In real time, where round trips begin at a given
-//! period; else in lockstep, so that a state goes out as soon as the arm has moved.
+//! Our loop: a plant in this process, its controller in another. In real time, where round trips
+//! begin at a given period; else in lockstep, so that a state goes out as soon as the arm has
+//! moved.
 
 use std::{
     process,
@@ -21,7 +22,7 @@ const SCENARIO: &str = "sampled/mtj";
 const LOCKSTEP_PERIOD: Duration = Duration::from_millis(10);
 
 /// All round trips of a run of so many samples; `None` if asked to stop.
-pub fn measure(
+pub(crate) fn measure(
     way: Way,
     effort: &Effort,
     proceed: Proceed<'_>,
@@ -41,7 +42,7 @@ pub fn measure(
 }
 
 /// Runs the experiment, changed by `set`, in two processes.
-pub fn run(
+pub(crate) fn run(
     way: Way,
     effort: &Effort,
     set: Vec<String>,

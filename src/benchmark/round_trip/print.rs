@@ -7,7 +7,7 @@ use std::{
 
 use mtj_plant::durations::Durations;
 
-use super::{Effort, Measured};
+use super::{Effort, Measurement};
 
 /// Buckets of the histogram to a doubling.
 const FINENESS: f64 = 2.0;
@@ -15,7 +15,11 @@ const FINENESS: f64 = 2.0;
 const WIDTH: f64 = 50.0;
 
 /// A table of all, and the loop's histograms.
-pub fn table(out: &mut dyn Write, measured: &[Measured], effort: &Effort) -> io::Result<()> {
+pub(crate) fn table(
+    out: &mut dyn Write,
+    measured: &[Measurement],
+    effort: &Effort,
+) -> io::Result<()> {
     writeln!(
         out,
         "Round trips in µs: median of {} rounds of {}; the loop's law is computed in another process.",
@@ -36,7 +40,7 @@ pub fn table(out: &mut dyn Write, measured: &[Measured], effort: &Effort) -> io:
         "loop/bare",
         "loop/floor"
     )?;
-    for row in measured.iter().filter_map(Measured::row) {
+    for row in measured.iter().filter_map(Measurement::row) {
         writeln!(
             out,
             "{:9} {:7} {:8.2} {:8.2} {:8.2} {:8.2} {:9.2}  {:8.2} {:8.2}  {:9.2} {:10.2}",
@@ -58,7 +62,7 @@ pub fn table(out: &mut dyn Write, measured: &[Measured], effort: &Effort) -> io:
         "\nbare: the transport's own ping-pong with the same samples; floor: one cache line between two cores.\n\
          Ratios are of medians within a round, the median of all rounds."
     )?;
-    for Measured { way, own, .. } in measured {
+    for Measurement { way, own, .. } in measured {
         writeln!(out, "\n{} {}, the loop's round trips:", way.bus.name(), way.wait.name())?;
         out.write_all(histogram(&own.all).as_bytes())?;
     }
@@ -97,7 +101,7 @@ fn histogram(durations: &Durations) -> String {
 }
 
 /// The distribution in HdrHistogram's own text form, by which its plotters draw it; µs.
-pub fn hdr(out: &mut dyn Write, durations: &Durations) -> io::Result<()> {
+pub(crate) fn hdr(out: &mut dyn Write, durations: &Durations) -> io::Result<()> {
     writeln!(
         out,
         "{:>12} {:>14} {:>10} {:>14}\n",

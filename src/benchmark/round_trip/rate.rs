@@ -7,9 +7,9 @@ use serde::Serialize;
 use super::{Effort, Proceed, Way, own};
 use crate::failure::Failure;
 
-/// What became of one rate.
+/// The result of one rate.
 #[derive(Clone, Debug, Serialize)]
-pub struct Held {
+pub(crate) struct Held {
     /// Transport.
     pub bus: &'static str,
     /// How both ends waited.
@@ -28,14 +28,14 @@ pub struct Held {
 
 /// Tries first this rate, Hz.
 const FIRST: f64 = 500.0;
-/// Nobody samples an arm faster, Hz.
+/// Faster than any arm is sampled, Hz.
 const LAST: f64 = 512_000.0;
 /// Ends when the rate is known this well.
 const PRECISION: f64 = 1.1;
 
-/// Doubles the rate until it is not held for `duration`, then halves the interval between. Says each attempt to
-/// `note`; returns the highest rate that was held, Hz, if any was.
-pub fn highest_rate(
+/// Doubles the rate until it is not held for `duration`, then halves the interval between. `note`
+/// takes each attempt; returns the highest rate that was held, Hz, if any was.
+pub(crate) fn highest_rate(
     way: Way,
     duration: Duration,
     effort: &Effort,

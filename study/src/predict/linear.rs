@@ -1,12 +1,12 @@
 //! The sampled loop of one mass, as a linear map from one sampling instant to the next.
 //!
-//! Seen from the tip, and for small errors, the arm is a mass m that a force moves: m ẍ = F, x = −e. Here
-//! the real law answers a [`PointMass`]: no law's equation is written a second time. With the regulating
-//! factor held constant its answer is linear in the measured x and v, in a = (v_k − v_{k−1})/T_s, and in
-//! what it remembers.
+//! Seen from the tip, and for small errors, the arm is a mass m that a force moves: m ẍ = F, x =
+//! −e. Here the real law answers a [`PointMass`]: no law's equation is written a second time. With
+//! the regulating factor held constant its answer is linear in the measured x and v, in a = (v_k −
+//! v_{k−1})/T_s, and in what it remembers.
 //!
-//! With a latency of n whole periods and a fraction φ of one, the plant holds F_{k−n−1} for the first
-//! φ T_s after a sample, and F_{k−n} for the rest of the period. The memory M_k is
+//! With a latency of n whole periods and a fraction φ of one, the plant holds F_{k−n−1} for the
+//! first φ T_s after a sample, and F_{k−n} for the rest of the period. The memory M_k is
 //!
 //! ```text
 //! sent        F_{k−1}
@@ -33,13 +33,13 @@ pub struct LinearLoop<const M: usize> {
     pub law: Law<f64, M>,
     /// m, the effective mass at the tip, kg.
     pub mass: f64,
-    /// What the controller's model takes for it, kg.
+    /// The mass in the controller's model, kg.
     pub model_mass: f64,
     /// T_s, s.
     pub period: f64,
     /// Sample instant to application, s.
     pub latency: f64,
-    /// Whose force a law with a memory remembers.
+    /// The force that a law with a memory remembers.
     pub memory: MemoryPolicy,
     /// Whether the law aims a latency ahead.
     pub predicts: bool,
@@ -65,7 +65,7 @@ struct State<'a, const M: usize> {
     v: SVector<f64, M>,
     /// v a period ago.
     v_before: SVector<f64, M>,
-    /// What a memory at the plant holds.
+    /// The force in a memory at the plant.
     echoed: SVector<f64, M>,
     /// F_{k−1}, F_{k−2}, …
     forces: &'a [f64],
@@ -78,13 +78,13 @@ impl<const M: usize> LinearLoop<M> {
         ((self.latency / self.period) * (1.0 + 1e-12)).floor() as usize
     }
 
-    /// Size of the step matrix: on each axis x, v, v a period ago, the echoed force, and all forces on
-    /// their way.
+    /// Size of the step matrix: on each axis x, v, v a period ago, the echoed force, and all forces
+    /// on their way.
     fn size(&self) -> usize {
         M * (4 + self.whole_periods() + 2)
     }
 
-    /// What the law answers, N.
+    /// The force of the law, N.
     fn force(&self, state: &State<'_, M>) -> SVector<f64, M> {
         let remembered = match self.memory {
             MemoryPolicy::Sent => vector(state.forces, 0),
@@ -208,7 +208,8 @@ fn vector<const M: usize>(list: &[f64], place: usize) -> SVector<f64, M> {
     SVector::from_fn(|axis, _| list[place * M + axis])
 }
 
-/// Halves the way between a stable and an unstable value until nothing but rounding is between them.
+/// Halves the way between a stable and an unstable value until nothing but rounding is between
+/// them.
 pub(crate) fn close_in(mut below: f64, mut above: f64, is_stable: impl Fn(f64) -> bool) -> f64 {
     while above - below > 1e-9 * above {
         let middle = 0.5 * (below + above);

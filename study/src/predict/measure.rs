@@ -1,4 +1,4 @@
-//! The same limit, measured: does a small disturbance die out?
+//! The largest latency by simulation: whether a small disturbance dies out.
 
 use std::time::Duration;
 
@@ -7,12 +7,16 @@ use mtj_plant::trace::TraceRow;
 
 use crate::{error::StudyError, experiment};
 
-/// How far apart two runs begin, rad: small against every error, large against rounding.
+/// The distance at which two runs begin, rad: small against every error, large against rounding.
 const DISTURBANCE: f64 = 1e-7;
 
-/// How fast a small disturbance grows over the second half of a run, as a factor a sample; the run and
-/// its twin, which begins a little beside it, are simulated in full. `None` if one of them diverged.
-pub fn growth(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Option<f64>, StudyError> {
+/// The growth of a small disturbance over the second half of a run, as a factor a sample. The run
+/// and a second one, which begins a little beside it, are simulated in full. `None` if one of them
+/// diverged.
+pub(crate) fn growth(
+    scenario: &Scenario,
+    proceed: &dyn Fn() -> bool,
+) -> Result<Option<f64>, StudyError> {
     let position = scenario.arm.position[0] + DISTURBANCE;
     let beside = Override::value("arm.position[0]", position.into());
     let twin = Scenario::parse(&scenario.name, scenario.text(), &[beside])?;
@@ -21,15 +25,17 @@ pub fn growth(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Option<
     if run.report.diverged || other.report.diverged {
         return Ok(None);
     }
-    let apart: Vec<f64> = run.trace.iter().zip(&other.trace).map(|(a, b)| distance(a, b)).collect();
-    let quarter = apart.len() / 4;
-    let (middle, end) = (mean_log(&apart[quarter..2 * quarter]), mean_log(&apart[3 * quarter..]));
+    let distances: Vec<f64> =
+        run.trace.iter().zip(&other.trace).map(|(a, b)| distance(a, b)).collect();
+    let quarter = distances.len() / 4;
+    let (middle, end) =
+        (mean_log(&distances[quarter..2 * quarter]), mean_log(&distances[3 * quarter..]));
     Ok(Some(((end - middle) / (2 * quarter) as f64).exp()))
 }
 
 /// The largest latency, up to `most`, at which a small disturbance still dies out, s, sought from a
 /// guess outwards to 2 %; `None` if it does not even without latency.
-pub fn largest_latency(
+pub(crate) fn largest_latency(
     scenario: &Scenario,
     guess: f64,
     most: f64,
@@ -61,7 +67,7 @@ pub fn largest_latency(
     Ok(Some(below))
 }
 
-/// A latency as good as none, s.
+/// A latency that counts as none, s.
 const NONE: f64 = 1e-6;
 
 fn distance(a: &TraceRow, b: &TraceRow) -> f64 {

@@ -1,13 +1,13 @@
-//! Theory beside measurement: the sampled loop linearised, and how much latency it should stand.
+//! The largest latency of a loop, by theory and by measurement.
 //!
-//! [`linear`] is the theory, [`path`] finds the effective masses it needs, [`mod@measure`] finds the same
-//! limit by simulating the arm in full. Both are for a constant regulating factor k: with the paper's
-//! factors k falls as the error grows, so that an unstable loop ends in a limit cycle whose size is
-//! the error at which k has fallen far enough.
+//! `linear` is the theory, `path` finds the effective masses it needs, `measure` finds the same
+//! limit by simulating the arm in full. Both are for a constant regulating factor k: with the
+//! paper's factors k falls as the error grows, so that an unstable loop ends in a limit cycle whose
+//! size is the error at which k has fallen far enough.
 
-pub mod linear;
-pub mod measure;
-pub mod path;
+pub(crate) mod linear;
+mod measure;
+pub(crate) mod path;
 
 use mtj_model::{
     for_axes,
@@ -18,7 +18,7 @@ use mtj_model::{
 
 use crate::{error::StudyError, sweep::plan::Plan};
 use linear::LinearLoop;
-use path::Masses;
+pub use path::Masses;
 
 /// The k that goes with errors of about 1 % of the sensitivity thresholds: the factor at which the
 /// limits are predicted, unless the scenario's ceiling is lower.
@@ -30,7 +30,7 @@ pub const MOST: f64 = 0.5;
 /// The keys that are latencies.
 pub const LATENCY_KEYS: [&str; 2] = ["link.torque.latency", "link.state.latency"];
 
-/// What theory says of one scenario without latency.
+/// The prediction for one scenario without latency.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
     /// The constant regulating factor, of a law that has one.
@@ -97,8 +97,8 @@ pub fn predict_up_to(
     Ok(Prediction { factor: factor(scenario), masses, latency })
 }
 
-/// Measures the largest latency of a scenario with its factor held constant at [`factor`], sought from
-/// the predicted one outwards.
+/// Measures the largest latency of a scenario with its factor held constant at [`factor`], sought
+/// from the predicted one outwards.
 pub fn measure(
     scenario: &Scenario,
     predicted: Option<f64>,

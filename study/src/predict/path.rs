@@ -21,7 +21,10 @@ pub struct Masses {
 /// The effective masses of a scenario's arm along its path, from the second half of a run of it.
 ///
 /// Ĥ = (J H⁻¹ Jᵀ)⁻¹, so that it is there for redundant arms too.
-pub fn masses(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Masses, StudyError> {
+pub(crate) fn masses(
+    scenario: &Scenario,
+    proceed: &dyn Fn() -> bool,
+) -> Result<Masses, StudyError> {
     let run = experiment::run_direct(scenario, true, proceed)?;
     let rows = &run.trace[run.trace.len() / 2..];
     let mut masses = Masses { least: f64::INFINITY, most: 0.0 };

@@ -1,19 +1,20 @@
 //! A study's figures.
 
 use mtj_figure::{
-    heatmap::{HeatCell, HeatMap, HeatMaps},
+    cells::CellValue,
+    heatmap::{HeatMap, HeatMaps},
     trend::{TrendPanel, Trends},
 };
 
 use super::{
-    cells::{Cell, measures},
+    aggregate::{Aggregate, measures},
     layout::{self, Layout},
     limits::Limits,
 };
 use crate::sweep::plan::Plan;
 
-/// What the measures are called and how they are shown: column, name with unit, factor.
-pub const SHOWN: [(&str, &str, f64); 5] = [
+/// The measures that have a figure: column of the results, name with unit, factor.
+pub(crate) const SHOWN: [(&str, &str, f64); 5] = [
     ("rms_error_m", "rms error (mm)", 1e3),
     ("peak_error_m", "peak error (mm)", 1e3),
     ("energy_j", "energy (J)", 1.0),
@@ -21,28 +22,37 @@ pub const SHOWN: [(&str, &str, f64); 5] = [
     ("torque_step_rms_nm", "rms torque step (N m)", 1.0),
 ];
 
-/// What the line in maps of latency over the sample period means.
-pub const LIMIT: &str = "predicted limit, for\n\
-                         k = 0.99 where k varies:\n\
-                         beyond it errors grow";
+/// The meaning of the line in maps of latency over the sample period.
+const LIMIT: &str = "predicted limit, for k = 0.99 where k varies: beyond it errors grow";
 
-/// The name of each figure's files with its SVG document.
-pub fn all(plan: &Plan, layout: &Layout, cells: &[Cell], limits: &Limits) -> Vec<(String, String)> {
+/// The names of the files and the SVG documents, in the order of [`SHOWN`].
+pub(crate) fn all(
+    plan: &Plan,
+    layout: &Layout,
+    aggregates: &[Aggregate],
+    limits: &Limits,
+) -> Vec<(String, String)> {
     SHOWN
         .iter()
         .map(|(column, quantity, factor)| {
             let index = measures().position(|name| name == *column).unwrap_or(0);
-            let draw = Draw { plan, layout, cells, limits, quantity, factor: *factor, index };
+            let draw = Draw { plan, layout, aggregates, limits, quantity, factor: *factor, index };
             let name = quantity.split(" (").next().unwrap_or(column).replace(' ', "-");
             (name, if layout.y.is_some() { draw.maps().svg() } else { draw.trends().svg() })
         })
         .collect()
 }
 
+/// The keys that `--set` has changed, for the line below the title; empty if there are none.
+fn note(plan: &Plan) -> String {
+    let changes: Vec<String> = plan.changes().iter().map(ToString::to_string).collect();
+    if changes.is_empty() { String::new() } else { format!("with {}", changes.join(", ")) }
+}
+
 struct Draw<'a> {
     plan: &'a Plan,
     layout: &'a Layout,
-    cells: &'a [Cell],
+    aggregates: &'a [Aggregate],
     limits: &'a Limits,
     quantity: &'a str,
     factor: f64,
@@ -51,62 +61,65 @@ struct Draw<'a> {
 
 impl Draw<'_> {
     fn maps(&self) -> HeatMaps {
-        let axis = |axis: usize| layout::scale(&self.plan.axes[axis]);
+        let axis = |axis: usize| layout::cell_axis(&self.plan.axes[axis]);
         let (x, y) = (self.layout.x, self.layout.y.unwrap_or(self.layout.x));
         let (columns, rows) = (axis(x).len(), axis(y).len());
         let mut maps: Vec<HeatMap> = self.panels(|title| HeatMap {
             title,
-            cells: vec![HeatCell::Empty; columns * rows],
+            cells: vec![CellValue::Empty; columns * rows],
             line: Vec::new(),
         });
-        for cell in self.cells {
-            let number = cell.measures[self.index].map(|[median, ..]| median * self.factor);
-            maps[self.panel(cell)].cells[cell.at[x] * rows + cell.at[y]] = match number {
-                _ if 2 * cell.diverged > cell.points => HeatCell::Diverged,
-                Some(number) if number > 0.0 => HeatCell::Number(number),
-                _ => HeatCell::Empty,
-            };
+        for aggregate in self.aggregates {
+            let cell = aggregate.at[x] * rows + aggregate.at[y];
+            maps[self.panel(aggregate)].cells[cell] = self.value(aggregate);
         }
         for (map, limits) in maps.iter_mut().zip(self.limits) {
             map.line = limits.iter().map(|limit| limit.map(|seconds| seconds * 1e3)).collect();
         }
-        let line = if self.limits.is_empty() { "" } else { LIMIT };
         HeatMaps {
             title: self.plan.title.clone(),
+            note: note(self.plan),
             quantity: self.quantity.to_owned(),
             x: axis(x),
             y: axis(y),
             maps,
-            line: line.to_owned(),
+            line: if self.limits.is_empty() { "" } else { LIMIT }.to_owned(),
         }
     }
 
     fn trends(&self) -> Trends {
-        let x = layout::scale(&self.plan.axes[self.layout.x]);
+        let x = layout::cell_axis(&self.plan.axes[self.layout.x]);
         let names = match self.layout.series {
-            Some(series) => layout::scale(&self.plan.axes[series]).labels,
+            Some(series) => layout::cell_axis(&self.plan.axes[series]).labels,
             None => vec![self.quantity.to_owned()],
         };
-        let curves: Vec<_> = names.into_iter().map(|name| (name, vec![None; x.len()])).collect();
+        let curves = vec![vec![CellValue::Empty; x.len()]; names.len()];
         let mut panels = self.panels(|title| TrendPanel { title, curves: curves.clone() });
-        for cell in self.cells.iter().filter(|cell| 2 * cell.diverged <= cell.points) {
-            let series = self.layout.series.map_or(0, |series| cell.at[series]);
-            panels[self.panel(cell)].curves[series].1[cell.at[self.layout.x]] =
-                cell.measures[self.index].map(|at| at.map(|number| number * self.factor));
+        for aggregate in self.aggregates {
+            let series = self.layout.series.map_or(0, |series| aggregate.at[series]);
+            panels[self.panel(aggregate)].curves[series][aggregate.at[self.layout.x]] =
+                self.value(aggregate);
         }
         let (title, quantity) = (self.plan.title.clone(), self.quantity.to_owned());
-        Trends { title, quantity, x, panels }
+        Trends { title, note: note(self.plan), quantity, x, names, panels }
+    }
+
+    fn value(&self, aggregate: &Aggregate) -> CellValue {
+        match aggregate.measures[self.index] {
+            _ if aggregate.has_diverged() => CellValue::Diverged,
+            Some(spread) => CellValue::Known(spread.times(self.factor)),
+            None => CellValue::Empty,
+        }
     }
 
     fn panels<P>(&self, make: impl Fn(String) -> P) -> Vec<P> {
         self.layout.combinations(self.plan).into_iter().map(|(_, title)| make(title)).collect()
     }
 
-    /// The number of a cell's panel.
-    fn panel(&self, cell: &Cell) -> usize {
-        self.layout
-            .panels
-            .iter()
-            .fold(0, |panel, axis| panel * self.plan.axes[*axis].positions.len() + cell.at[*axis])
+    /// The number of the panel that shows an aggregate.
+    fn panel(&self, aggregate: &Aggregate) -> usize {
+        self.layout.panels.iter().fold(0, |panel, axis| {
+            panel * self.plan.axes[*axis].positions.len() + aggregate.at[*axis]
+        })
     }
 }

@@ -1,6 +1,6 @@
-//! Which axis of a study is drawn how.
+//! The part that each axis of a study has in a figure.
 
-use mtj_figure::scale::{Scale, short};
+use mtj_figure::{cells::CellAxis, short};
 use serde::Serialize;
 
 use crate::{
@@ -10,22 +10,22 @@ use crate::{
 
 /// The part of each axis, by its number in the plan.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Layout {
+pub(crate) struct Layout {
     /// The horizontal axis.
-    pub x: usize,
+    pub(crate) x: usize,
     /// The vertical axis of maps; without it there are curves.
-    pub y: Option<usize>,
+    pub(crate) y: Option<usize>,
     /// One curve for each position of this axis.
-    pub series: Option<usize>,
+    pub(crate) series: Option<usize>,
     /// A panel for each combination of positions of these.
-    pub panels: Vec<usize>,
+    pub(crate) panels: Vec<usize>,
     /// Averaged over.
-    pub seeds: Vec<usize>,
+    pub(crate) seeds: Vec<usize>,
 }
 
 impl Layout {
     /// Maps over the two longest axes of numbers, latency upwards; curves if there is only one.
-    pub fn of(plan: &Plan) -> Self {
+    pub(crate) fn of(plan: &Plan) -> Self {
         let axes = &plan.axes;
         let seeds: Vec<usize> = (0..axes.len()).filter(|i| is_set(&axes[*i], &["seed"])).collect();
         let mut rest: Vec<usize> = (0..axes.len()).filter(|i| !seeds.contains(i)).collect();
@@ -48,27 +48,27 @@ impl Layout {
     }
 
     /// Whether latency is drawn over the sample period.
-    pub fn has_limits(&self, plan: &Plan) -> bool {
+    pub(crate) fn has_limits(&self, plan: &Plan) -> bool {
         let is_latency = |y| is_set(&plan.axes[y], &LATENCY_KEYS);
         is_set(&plan.axes[self.x], &["timing.sample_period"]) && self.y.is_some_and(is_latency)
     }
 
     /// All combinations of positions of the panels' axes, each with its title.
-    pub fn combinations(&self, plan: &Plan) -> Vec<(Vec<usize>, String)> {
+    pub(crate) fn combinations(&self, plan: &Plan) -> Vec<(Vec<usize>, String)> {
         let mut all = vec![(Vec::new(), Vec::new())];
         for axis in self.panels.iter().map(|i| &plan.axes[*i]) {
-            let scale = scale(axis);
+            let shown = labels(axis);
             all = all
                 .into_iter()
                 .flat_map(|(at, words): (Vec<usize>, Vec<String>)| {
-                    let scale = &scale;
-                    (0..scale.len()).map(move |i| {
+                    let shown = &shown;
+                    (0..shown.len()).map(move |i| {
                         let extend = |mut list: Vec<usize>| {
                             list.push(i);
                             list
                         };
                         let mut words = words.clone();
-                        words.push(in_words(axis, &scale.labels[i]));
+                        words.push(in_words(axis, &shown[i]));
                         (extend(at.clone()), words)
                     })
                 })
@@ -78,32 +78,39 @@ impl Layout {
     }
 }
 
-/// An axis as it is drawn; durations in ms.
-pub fn scale(axis: &Axis) -> Scale {
-    let factor = if axis.unit == "s" { 1e3 } else { 1.0 };
+/// The axis of a figure; durations in ms.
+pub(crate) fn cell_axis(axis: &Axis) -> CellAxis {
+    let (factor, unit) = if axis.has_durations() { (1e3, " (ms)") } else { (1.0, "") };
     let numbers: Vec<Option<f64>> =
         axis.positions.iter().map(|position| position.number.map(|x| x * factor)).collect();
+    let names = axis.positions.iter().map(|position| &position.label);
     let label = |(number, name): (&Option<f64>, &String)| number.map_or(name.clone(), short);
-    let names: Vec<String> = axis.positions.iter().map(|p| p.label.clone()).collect();
-    Scale {
-        title: format!("{}{}", axis.name.replace('_', " "), unit(axis)),
-        labels: numbers.iter().zip(&names).map(label).collect(),
+    CellAxis {
+        title: format!("{}{unit}", axis.name.replace('_', " ")),
+        labels: numbers.iter().zip(names).map(label).collect(),
         numbers,
         is_logarithmic: axis.is_logarithmic,
     }
 }
 
-fn unit(axis: &Axis) -> &'static str {
-    if axis.unit == "s" { " (ms)" } else { "" }
+/// The labels of an axis, numbers with their unit.
+pub(crate) fn labels(axis: &Axis) -> Vec<String> {
+    let unit = if axis.has_durations() { " ms" } else { "" };
+    let CellAxis { labels, numbers, .. } = cell_axis(axis);
+    let label = |(label, number): (String, Option<f64>)| match number {
+        Some(_) => label + unit,
+        None => label,
+    };
+    labels.into_iter().zip(numbers).map(label).collect()
 }
 
-/// A position as part of a title: a name says what it is, a number does not.
+/// A position as part of a title: a number needs the axis' name before it.
 fn in_words(axis: &Axis, label: &str) -> String {
-    if !is_ordered(axis) {
-        return label.to_owned();
+    if is_ordered(axis) {
+        format!("{} {label}", axis.name.replace('_', " "))
+    } else {
+        label.to_owned()
     }
-    let unit = if axis.unit == "s" { " ms" } else { "" };
-    format!("{} {label}{unit}", axis.name.replace('_', " "))
 }
 
 /// Whether the positions are numbers, for the most part.

@@ -9,15 +9,15 @@ use std::{
     thread,
 };
 
-use super::{cells, layout::Layout};
+use super::{aggregate, layout::Layout};
 use crate::{error::StudyError, predict, sweep::plan::Plan};
 
 /// For each panel and position on the horizontal axis the limit, s; `None` where the loop is not
 /// stable even without latency, or where the limit lies well above the map.
-pub type Limits = Vec<Vec<Option<f64>>>;
+pub(crate) type Limits = Vec<Vec<Option<f64>>>;
 
 /// Predicts, on all cores; nothing if the study has no latency over the sample period.
-pub fn predict(
+pub(crate) fn predict(
     plan: &Plan,
     layout: &Layout,
     proceed: &(dyn Fn() -> bool + Sync),
@@ -42,7 +42,7 @@ pub fn predict(
                 at[*axis] = *position;
             }
             at[layout.x] = task % columns;
-            let scenario = plan.scenario(cells::point(plan, &at))?;
+            let scenario = plan.scenario(aggregate::point(plan, &at))?;
             let limit = predict::predict_up_to(&scenario, most, proceed)?.latency;
             let limit = limit.filter(|limit| *limit < most);
             let mut limits = limits.lock().unwrap_or_else(PoisonError::into_inner);

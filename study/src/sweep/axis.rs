@@ -6,7 +6,7 @@ use toml::{Table, Value};
 /// A list of positions, each of which sets one or more keys of the scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
-    /// What the axis is called in tables and plots.
+    /// Its name in tables and plots.
     pub name: String,
     /// The unit of its numbers: "s" for durations, nothing for plain numbers and names.
     pub unit: &'static str,
@@ -19,15 +19,15 @@ pub struct Axis {
 /// One position of an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Position {
-    /// As it stands in tables: a number (durations in seconds), or a name.
+    /// Its label in tables: a number (durations in seconds), or a name.
     pub label: String,
     /// As a number, where it is one.
     pub number: Option<f64>,
-    /// What it sets.
+    /// The keys that it sets.
     pub set: Vec<Override>,
 }
 
-/// More values than anybody means an axis to have.
+/// More positions than an axis needs.
 const MOST_POSITIONS: usize = 100_000;
 
 impl Axis {
@@ -82,6 +82,15 @@ impl Axis {
             |position: &Position| position.set.iter().all(is_duration) && position.number.is_some();
         let unit = if positions.iter().all(is_duration) { "s" } else { "" };
         Ok(Self { name, unit, is_logarithmic: scale, positions })
+    }
+}
+
+impl Axis {
+    /// Whether all its numbers are durations; there may be names besides.
+    pub(crate) fn has_durations(&self) -> bool {
+        let mut numbers = self.positions.iter().filter(|position| position.number.is_some());
+        self.positions.iter().any(|position| position.number.is_some())
+            && numbers.all(|position| position.set.iter().all(is_duration))
     }
 }
 
@@ -177,7 +186,7 @@ fn is_nearly_whole(x: f64) -> bool {
     (x - x.round()).abs() < 1e-9 * x.abs().max(1.0)
 }
 
-/// To four significant digits, so that what a range makes can be read and typed.
+/// To four significant digits, so that the values of a range can be read and typed.
 fn rounded(x: f64) -> f64 {
     if x == 0.0 {
         return 0.0;

@@ -1,90 +1,128 @@
-//! Which points a study has.
+//! The points of a study.
 
-use std::path::Path;
+use std::path::{self, Path, PathBuf};
 
-use mtj_model::scenario::{Origin, Override, Scenario, ScenarioError, Section, Template};
+use mtj_model::scenario::{self, Origin, Override, Scenario, ScenarioError, Section, Template};
 use toml::{Table, Value};
 
 use super::{
     axis::{self, Axis, Position},
     builtin,
 };
+use crate::{error::StudyError, shell};
 
-/// A scenario, what is set in it throughout, and axes; the points are all combinations of positions.
+/// A scenario, what is set in it at every point, and axes; the points are all combinations of
+/// positions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// The built-in name or the file it was read from.
     pub name: String,
-    /// What it is about.
+    /// The title of its figures.
     pub title: String,
-    /// The scenario.
+    /// The built-in scenario or its file.
     pub scenario: String,
-    /// Set at every point.
+    /// Set at every point: by the study, then by `--set`.
     pub set: Vec<Override>,
     /// The last varies fastest.
     pub axes: Vec<Axis>,
-    template: Result<Template, ScenarioError>,
+    /// How many of `set` are the study's own.
+    own: usize,
+    template: Template,
     text: String,
 }
 
-/// More points than anybody means to ask for.
+/// More points than a study needs.
 const MOST_POINTS: usize = 10_000_000;
 
 impl Plan {
     /// Loads a built-in study or, failing that, a file; `set` is set at every point.
-    pub fn load(name: &str, set: &[Override]) -> Result<Self, ScenarioError> {
-        let text = match builtin::built_in(name) {
-            Some(text) => text.to_owned(),
-            None => std::fs::read_to_string(name).map_err(|error| {
-                Origin::new("mtj study", Vec::new()).refuse(format!(
-                    "there is no built-in study '{name}' and the file could not be read ({error}); \
-                     'mtj study list' prints the built-in names"
-                ))
-            })?,
-        };
-        Self::parse(name, &text, set)
+    ///
+    /// A relative path of a file's scenario starts at the folder of the study.
+    ///
+    /// # Errors
+    ///
+    /// If there is no such study, or it is not acceptable.
+    pub fn load(name: &str, set: &[Override]) -> Result<Self, StudyError> {
+        if let Some(text) = builtin::built_in(name) {
+            return Self::parse(name, text, set);
+        }
+        let text = std::fs::read_to_string(name)
+            .map_err(|source| StudyError::NoStudy { name: name.to_owned(), source })?;
+        let folder = Path::new(name).parent().unwrap_or(Path::new(""));
+        Self::read(name, &text, set, |scenario| folder.join(scenario))
     }
 
     /// Reads the study whose results a folder holds, with what was set besides.
-    pub fn from_folder(folder: &Path) -> Result<Self, ScenarioError> {
-        let path = folder.join("study.toml");
+    ///
+    /// # Errors
+    ///
+    /// If the folder holds no study, or its scenario is gone.
+    pub fn from_folder(folder: &Path) -> Result<Self, StudyError> {
+        let path = folder.join(FILE);
         let name = path.display().to_string();
-        let text = std::fs::read_to_string(&path).map_err(|error| {
-            Origin::new(&name, Vec::new()).refuse(format!(
-                "no study could be read ({error}); 'mtj study run STUDY --out DIR' fills a folder"
-            ))
-        })?;
+        let text = std::fs::read_to_string(&path)
+            .map_err(|source| StudyError::NoStudyIn { path, source })?;
         let lines: Vec<&str> = text.lines().collect();
-        let is_set = |line: &&&str| line.starts_with(SET) || line.is_empty();
-        let body = lines.len() - lines.iter().rev().take_while(is_set).count();
-        let set = lines[body..].iter().filter_map(|line| line.strip_prefix(SET));
+        let is_note =
+            |line: &&&str| line.starts_with(SET) || line.starts_with(SCENARIO) || line.is_empty();
+        let body = lines.len() - lines.iter().rev().take_while(is_note).count();
+        let notes = || lines[body..].iter();
+        let set = notes().filter_map(|line| line.strip_prefix(SET));
         let set: Vec<Override> = set.map(str::parse).collect::<Result<_, _>>()?;
-        let mut plan = Self::parse(&name, &lines[..body].join("\n"), &set)?;
+        let scenario = notes().find_map(|line| line.strip_prefix(SCENARIO)).map(PathBuf::from);
+        let find = |written: &str| scenario.unwrap_or_else(|| folder.join(written));
+        let mut plan = Self::read(&name, &lines[..body].join("\n"), &set, find)?;
         // The lines name all that is set at every point, in order: the study's own keys first.
         plan.set = set;
         Ok(plan)
     }
 
-    /// Reads a study from TOML.
-    pub fn parse(name: &str, text: &str, set: &[Override]) -> Result<Self, ScenarioError> {
+    /// Reads a study from TOML; a relative path of its scenario starts at the working directory.
+    ///
+    /// # Errors
+    ///
+    /// If the study is not acceptable.
+    pub fn parse(name: &str, text: &str, set: &[Override]) -> Result<Self, StudyError> {
+        Self::read(name, text, set, |scenario| PathBuf::from(scenario))
+    }
+
+    /// Reads a study; `find` says where a scenario is that is not built in.
+    fn read(
+        name: &str,
+        text: &str,
+        set: &[Override],
+        find: impl FnOnce(&str) -> PathBuf,
+    ) -> Result<Self, StudyError> {
         let origin = Origin::new(name, Vec::new());
-        let table: Table = text.parse().map_err(|error: toml::de::Error| {
-            origin.refuse(format!("not TOML: {}", error.message()))
-        })?;
+        let table: Table =
+            text.parse().map_err(|source| StudyError::NotToml { name: name.to_owned(), source })?;
         let root = Section::root(&origin, &table);
         let scenario = root.required("scenario", "a scenario", Value::as_str)?;
+        let title = root.optional("title", "a title", Value::as_str)?.unwrap_or(name).to_owned();
+        let own = root.optional("set", "a table of keys and values", axis::overrides)?;
+        let own = own.unwrap_or_default();
+        let scenario = match scenario::built_in(scenario) {
+            Some(_) => scenario.to_owned(),
+            None => {
+                let path = find(scenario);
+                if !path.is_file() {
+                    let (study, scenario) = (name.to_owned(), scenario.to_owned());
+                    return Err(StudyError::NoScenario { study, scenario, path });
+                }
+                path.display().to_string()
+            }
+        };
         let mut plan = Self {
             name: name.to_owned(),
-            title: root.optional("title", "a title", Value::as_str)?.unwrap_or(name).to_owned(),
-            scenario: scenario.to_owned(),
-            set: root
-                .optional("set", "a table of keys and values", axis::overrides)?
-                .unwrap_or_default(),
+            title,
+            own: own.len(),
+            set: own,
             axes: Vec::new(),
-            template: Template::load(scenario),
+            template: Template::load(&scenario)?,
+            scenario,
             text: text.to_owned(),
         };
-        let count = || origin.refuse(format!("expected axes that make 1 to {MOST_POINTS} points"));
+        let count = || StudyError::PointCount { name: name.to_owned(), most: MOST_POINTS };
         for axis in root.sections("axes", "one axis or more")? {
             plan.axes.push(Axis::read(axis)?);
             if plan.len() > MOST_POINTS {
@@ -96,9 +134,10 @@ impl Plan {
         if plan.axes.is_empty() || plan.is_empty() {
             return Err(count());
         }
-        // What is wrong everywhere is said at once; what is wrong at one point is recorded there.
+        // What is wrong everywhere is an error at once; what is wrong at one point is recorded
+        // there.
         match (plan.scenario(0), plan.scenario(plan.len() - 1)) {
-            (Err(first), Err(last)) if first == last => Err(first),
+            (Err(first), Err(last)) if first == last => Err(first.into()),
             _ => Ok(plan),
         }
     }
@@ -138,39 +177,58 @@ impl Plan {
     }
 
     /// The scenario at a point.
+    ///
+    /// # Errors
+    ///
+    /// If the values of that point are not acceptable.
     pub fn scenario(&self, point: usize) -> Result<Scenario, ScenarioError> {
-        self.template.as_ref().map_err(Clone::clone)?.with(&self.overrides(point))
+        self.template.with(&self.overrides(point))
     }
 
     /// The command that replays a point on its own.
     pub fn command(&self, point: usize) -> String {
-        let at = self.positions(point);
-        let flags: String = at.iter().map(|position| flags(&position.set)).collect();
-        self.command_start() + &flags
+        shell::run_command(&self.scenario, &self.overrides(point))
     }
 
-    /// What the commands of all points have in common; the [`flags`] of the positions follow.
-    pub fn command_start(&self) -> String {
-        format!("mtj run --scenario {}{}", quoted(&self.scenario), flags(&self.set))
+    /// The keys that `--set` changes at every point.
+    pub fn changes(&self) -> &[Override] {
+        &self.set[self.own..]
     }
 
-    /// What identifies the study on disk: its text and what was set besides.
-    pub fn identity(&self) -> String {
+    /// The text of the study; the keys that `--set` changes are comments at its end.
+    pub fn shown(&self) -> String {
+        let set: String = self.changes().iter().map(|set| format!("{SET}{set}\n")).collect();
+        format!("{}\n{set}", self.text.trim_end())
+    }
+
+    /// The identity of the study on disk: its text and everything that is set.
+    pub(crate) fn identity(&self) -> String {
         let set: String = self.set.iter().map(|set| format!("{SET}{set}\n")).collect();
         format!("{}\n{set}", self.text.trim_end())
     }
+
+    /// The text of [`FILE`]: the study's identity and, if its scenario is a file, where that is.
+    pub(crate) fn file(&self) -> String {
+        let path = match scenario::built_in(&self.scenario) {
+            Some(_) => None,
+            None => path::absolute(&self.scenario).ok(),
+        };
+        let path = path.map(|path| format!("{SCENARIO}{}\n", path.display()));
+        self.identity() + &path.unwrap_or_default()
+    }
+
+    /// Whether the text of a [`FILE`] is of this study, wherever its scenario is.
+    pub(crate) fn is_in(&self, file: &str) -> bool {
+        let identity = |text: &str| -> Vec<String> {
+            text.lines().filter(|line| !line.starts_with(SCENARIO)).map(str::to_owned).collect()
+        };
+        identity(file) == identity(&self.identity())
+    }
 }
 
-/// What the lines of a folder's study begin with that say what was set.
+/// The file of a folder of results that holds the study.
+pub(crate) const FILE: &str = "study.toml";
+/// The beginning of its lines that say what was set.
 const SET: &str = "# --set ";
-
-/// What sets keys on a command line, with a space before each.
-pub fn flags(set: &[Override]) -> String {
-    set.iter().map(|set| format!(" --set {}", quoted(&set.to_string()))).collect()
-}
-
-/// A word for a shell.
-fn quoted(word: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_=./:,".contains(c);
-    if word.chars().all(is_plain) { word.to_owned() } else { format!("'{word}'") }
-}
+/// The beginning of its line that says where the scenario is.
+const SCENARIO: &str = "# --scenario ";

@@ -1,4 +1,4 @@
-//! Results on disk: rows that are appended as they come and survive any interruption.
+//! Results on disk: rows are appended as they come, so that an interruption loses none.
 
 use std::{
     collections::BTreeMap,
@@ -9,7 +9,7 @@ use std::{
 
 use mtj_plant::report::Report;
 
-use super::plan::Plan;
+use super::plan::{self, Plan};
 use crate::error::StudyError;
 
 /// The measures of a point, in the order of their columns.
@@ -28,12 +28,12 @@ pub const MEASURES: [&str; 12] = [
     "error",
 ];
 
-/// What came of one point: its measures, or why it could not be run.
+/// The result of one point: its measures, or why it could not be run.
 pub type Measured = Result<Report, StudyError>;
 
 /// One row: the point's number, its positions, its measures, as text.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Row {
+pub struct ResultRow {
     /// Number of the point.
     pub point: usize,
     /// All columns, the first of which is the point's number.
@@ -50,9 +50,9 @@ pub fn columns(plan: &Plan) -> Vec<String> {
     std::iter::once("point".to_owned()).chain(axes).chain(measures).collect()
 }
 
-/// A point's row. It holds nothing that depends on wall time, so that it is the same however, where
-/// and on how many threads the point was computed.
-pub fn row(plan: &Plan, point: usize, measured: &Measured) -> Row {
+/// A point's row. Nothing in it depends on wall time, so that it is the same on any bus, machine
+/// and number of threads.
+pub fn row(plan: &Plan, point: usize, measured: &Measured) -> ResultRow {
     let number = |x: Option<f64>| x.map(|x| x.to_string()).unwrap_or_default();
     let positions = plan.positions(point).into_iter().map(|position| position.label.clone());
     let measures: [String; MEASURES.len()] = match measured {
@@ -81,10 +81,10 @@ pub fn row(plan: &Plan, point: usize, measured: &Measured) -> Row {
         }
     };
     let fields = std::iter::once(point.to_string()).chain(positions).chain(measures).collect();
-    Row { point, fields }
+    ResultRow { point, fields }
 }
 
-/// Which points a process is to do: every `of`-th, beginning with the `index`-th.
+/// The part of the points that one process computes: every `of`-th, from the `index`-th on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
     /// From 1.
@@ -93,16 +93,21 @@ pub struct Shard {
     pub of: usize,
 }
 
-impl std::str::FromStr for Shard {
-    type Err = String;
+/// A text that names no shard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected i/n with i from 1 to n, like 2/8")]
+pub struct ShardError;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+impl std::str::FromStr for Shard {
+    type Err = ShardError;
+
+    fn from_str(text: &str) -> Result<Self, ShardError> {
         let parts = text
             .split_once('/')
             .and_then(|(index, of)| Some((index.parse().ok()?, of.parse().ok()?)));
         match parts {
             Some((index, of)) if (1..=of).contains(&index) => Ok(Self { index, of }),
-            _ => Err("expected i/n with i from 1 to n, like 2/8".to_owned()),
+            _ => Err(ShardError),
         }
     }
 }
@@ -126,16 +131,17 @@ impl Shard {
 }
 
 /// A study's folder: the study itself and the rows so far.
+#[derive(Debug)]
 pub struct Results {
     path: PathBuf,
     file: File,
-    done: BTreeMap<usize, Row>,
+    done: BTreeMap<usize, ResultRow>,
     columns: Vec<String>,
 }
 
 impl Results {
-    /// Opens a folder for a study, creating it if need be, and takes up the rows that are there. A row
-    /// that an interruption has cut short is removed.
+    /// Opens a folder for a study, creating it if need be, and takes up the rows that are there. A
+    /// row that an interruption has cut short is removed.
     pub fn open(folder: &Path, plan: &Plan, shard: Shard) -> Result<Self, StudyError> {
         fs::create_dir_all(folder)
             .map_err(|source| StudyError::Folder { folder: folder.to_owned(), source })?;
@@ -178,7 +184,7 @@ impl Results {
     }
 
     /// Appends a row, in one write, so that an interruption leaves at most one row cut short.
-    pub fn push(&mut self, row: Row) -> Result<(), StudyError> {
+    pub fn push(&mut self, row: ResultRow) -> Result<(), StudyError> {
         self.append(&row.fields)
             .map_err(|source| StudyError::Append { path: self.path.clone(), source })?;
         self.done.insert(row.point, row);
@@ -203,19 +209,18 @@ fn at(path: &Path) -> impl FnOnce(io::Error) -> StudyError + use<> {
 
 /// Notes in the folder which study it holds, or checks that it is this one.
 fn claim(folder: &Path, plan: &Plan) -> Result<(), StudyError> {
-    let path = folder.join("study.toml");
-    let identity = plan.identity();
+    let path = folder.join(plan::FILE);
     match fs::read_to_string(&path) {
-        Ok(text) if text == identity => Ok(()),
+        Ok(text) if plan.is_in(&text) => Ok(()),
         Ok(_) => Err(StudyError::OtherStudy { folder: folder.to_owned() }),
         Err(_) => {
-            let new = folder.join(format!("study.toml.{}", std::process::id()));
-            fs::write(&new, identity).and_then(|()| fs::rename(&new, &path)).map_err(at(&path))
+            let new = folder.join(format!("{}.{}", plan::FILE, std::process::id()));
+            fs::write(&new, plan.file()).and_then(|()| fs::rename(&new, &path)).map_err(at(&path))
         }
     }
 }
 
-/// Joins the results of shards, whatever folders they are in, into one file in the first; returns the
+/// Joins the results of shards, in one folder or several, into one file in the first; returns the
 /// numbers of the points that are missing.
 pub fn merge(folders: &[PathBuf], plan: &Plan) -> Result<Vec<usize>, StudyError> {
     let columns = columns(plan);
@@ -245,7 +250,7 @@ pub fn merge(folders: &[PathBuf], plan: &Plan) -> Result<Vec<usize>, StudyError>
 }
 
 /// The rows of a folder's merged results, in order.
-pub fn read(folder: &Path, plan: &Plan) -> Result<Vec<Row>, StudyError> {
+pub fn read(folder: &Path, plan: &Plan) -> Result<Vec<ResultRow>, StudyError> {
     let path = folder.join(Shard::ALL.file_name());
     let text = fs::read(&path).map_err(at(&path))?;
     let mut rows = read_rows(&path, &text, &columns(plan))?;
@@ -253,7 +258,7 @@ pub fn read(folder: &Path, plan: &Plan) -> Result<Vec<Row>, StudyError> {
     Ok(rows)
 }
 
-fn read_rows(path: &Path, text: &[u8], columns: &[String]) -> Result<Vec<Row>, StudyError> {
+fn read_rows(path: &Path, text: &[u8], columns: &[String]) -> Result<Vec<ResultRow>, StudyError> {
     let mut reader = csv::ReaderBuilder::new().has_headers(false).from_reader(text);
     let mut rows = Vec::new();
     for (number, record) in reader.records().enumerate() {
@@ -268,7 +273,7 @@ fn read_rows(path: &Path, text: &[u8], columns: &[String]) -> Result<Vec<Row>, S
         let point = fields.first().and_then(|field| field.parse().ok());
         match point {
             Some(point) if number > 0 && fields.len() == columns.len() => {
-                rows.push(Row { point, fields })
+                rows.push(ResultRow { point, fields });
             }
             _ => {
                 return Err(StudyError::NotARow { path: path.to_owned(), line: number + 1 });
@@ -281,7 +286,7 @@ fn read_rows(path: &Path, text: &[u8], columns: &[String]) -> Result<Vec<Row>, S
 fn write_sorted<'a>(
     path: &Path,
     columns: &[String],
-    rows: impl Iterator<Item = &'a Row>,
+    rows: impl Iterator<Item = &'a ResultRow>,
 ) -> Result<(), StudyError> {
     let new = path.with_extension(format!("{}.new", std::process::id()));
     let write = || -> io::Result<()> {
@@ -298,5 +303,5 @@ fn write_sorted<'a>(
 fn line(fields: &[String]) -> io::Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(fields)?;
-    writer.into_inner().map_err(|error| error.into_error())
+    writer.into_inner().map_err(csv::IntoInnerError::into_error)
 }

@@ -16,11 +16,11 @@ use mtj_plant::plant::Outcome;
 use super::{
     lanes,
     plan::Plan,
-    results::{self, Measured, Results, Row, Shard},
+    results::{self, Measured, ResultRow, Results, Shard},
 };
 use crate::error::StudyError;
 
-/// How many points a thread takes at a time: enough to fill its lanes again and again, and few enough
+/// The points that a thread takes at a time: enough to fill its lanes many times, and few enough
 /// that the threads end together.
 const CHUNK: std::ops::RangeInclusive<usize> = 16..=512;
 
@@ -42,7 +42,7 @@ pub fn run_in_process(
     let chunks: Vec<&[usize]> = todo.chunks(chunk).collect();
     let next = AtomicUsize::new(0);
     let failed = AtomicBool::new(false);
-    let (send, receive) = mpsc::sync_channel::<Row>(1024);
+    let (send, receive) = mpsc::sync_channel::<ResultRow>(1024);
     let outcome = thread::scope(|scope| {
         for _ in 0..threads {
             let (chunks, next, failed, send) = (&chunks, &next, &failed, send.clone());
@@ -64,7 +64,7 @@ pub fn run_in_process(
         for row in &receive {
             if let Err(error) = results.push(row) {
                 failed.store(true, Ordering::Relaxed);
-                // The others may be waiting to hand in theirs.
+                // The others may be waiting to send theirs.
                 for _ in &receive {}
                 return Err(error);
             }
@@ -77,8 +77,8 @@ pub fn run_in_process(
     Ok(todo.iter().all(|point| results.has(*point)))
 }
 
-/// Computes the points of a shard that have no row yet, one after the other, as `run` does: over a real bus.
-/// `run` returns nothing if it was asked to stop.
+/// Computes the points of a shard that have no row yet, one after the other, by `run`: over a real
+/// bus. `run` returns nothing if it was asked to stop.
 pub fn run_one_by_one(
     plan: &Plan,
     results: &mut Results,
@@ -103,13 +103,13 @@ pub fn run_one_by_one(
     Ok(todo.iter().all(|point| results.has(*point)))
 }
 
-/// Some points in this thread, in lanes or not as [`lanes::structure`] has it; each is handed in as it
-/// comes.
+/// Some points in this thread, in lanes or not as [`lanes::shape`] has it; `on_result` takes each
+/// as it comes.
 pub fn measure(
     plan: &Plan,
     points: &[usize],
     proceed: &dyn Fn() -> bool,
-    hand_in: &mut dyn FnMut(usize, Measured),
+    on_result: &mut dyn FnMut(usize, Measured),
 ) {
     let (mut numbers, mut scenarios) = (Vec::new(), Vec::new());
     for point in points {
@@ -118,11 +118,11 @@ pub fn measure(
                 numbers.push(*point);
                 scenarios.push(scenario);
             }
-            Err(error) => hand_in(*point, Err(error.into())),
+            Err(error) => on_result(*point, Err(error.into())),
         }
     }
     lanes::measure(&scenarios, proceed, &mut |number, measured| {
-        hand_in(numbers[number], measured);
+        on_result(numbers[number], measured);
     });
 }
 

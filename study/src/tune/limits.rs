@@ -1,4 +1,4 @@
-//! What theory allows.
+//! The limits on K_d and latency by theory.
 
 use mtj_model::{
     arm::{Kinematics, planar::Configuration},
@@ -11,7 +11,9 @@ use mtj_model::{
 use nalgebra::{SMatrix, SVector};
 
 use super::{
-    MARGIN, Wanted, trial,
+    MARGIN, Wanted,
+    reason::{GainLimit, Problem, Rejected},
+    trial,
     values::{Remedy, THRESHOLDS, Values, round_down},
     verify,
 };
@@ -21,15 +23,15 @@ use crate::{
 };
 
 /// Of K_d T_s/m < 2, which a held damping force needs, half is kept as a margin.
-const HELD_DAMPING: f64 = 1.0;
+pub(crate) const HELD_DAMPING: f64 = 1.0;
 /// The least K_d that is tried, over the largest that is allowed.
 const LEAST_GAIN: f64 = 1e-3;
 /// Initial errors are taken to be no smaller than this, m.
 const SMALLEST_ERROR: f64 = 0.01;
 
-/// What the limits depend on.
+/// The properties of an arm and its motion on which the limits depend.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Arm {
+pub(crate) struct ArmProperties {
     /// The smallest and largest effective mass, kg.
     pub masses: path::Masses,
     /// T_s, s.
@@ -44,23 +46,20 @@ pub struct Arm {
     pub motion_is_exact: bool,
 }
 
-/// A largest K_d, and what limits it if anything new does.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Bound<R> {
+/// The largest K_d that theory allows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Bound {
     /// N s/m.
     pub kd: f64,
-    /// In one line.
-    pub reason: R,
+    /// The limit that it comes from.
+    pub limit: GainLimit,
 }
 
-impl Bound<String> {
-    /// What limits a K_d that was chosen.
-    pub fn reason_for(&self, kd: f64) -> String {
+impl Bound {
+    /// The limit on a K_d that was chosen below this bound.
+    pub(crate) fn limit_of(&self, kd: f64) -> GainLimit {
         let most = round_down(self.kd);
-        if kd < most {
-            return format!("simulation: the best of the gains up to {most}");
-        }
-        self.reason.clone()
+        if kd < most { GainLimit::Search { most } } else { self.limit }
     }
 }
 
@@ -87,9 +86,9 @@ pub fn motion(
     verify::run(&[trial(scenario, &none, 0.0, &set)?], proceed)
 }
 
-impl Arm {
-    /// Of a scenario, for what is wanted.
-    pub fn of(
+impl ArmProperties {
+    /// The properties of a scenario's arm, for some requirements.
+    pub(crate) fn of(
         scenario: &Scenario,
         wanted: &Wanted,
         proceed: &dyn Fn() -> bool,
@@ -111,8 +110,8 @@ impl Arm {
         })
     }
 
-    /// Refuses a torque limit that the motion itself exceeds, whatever the law.
-    pub fn check_motion(&self, wanted: &Wanted) -> Result<(), StudyError> {
+    /// Rejects a torque limit that the motion alone exceeds under every law.
+    pub(crate) fn check_motion(&self, wanted: &Wanted) -> Result<(), StudyError> {
         if !self.motion_is_exact {
             return Ok(());
         }
@@ -126,24 +125,15 @@ impl Arm {
     }
 
     /// The largest K_d by held damping and by the first command's torque.
-    pub fn gain_limit(&self, wanted: &Wanted) -> Bound<String> {
-        let held = HELD_DAMPING * self.masses.least / self.period;
-        let mut bound = Bound {
-            kd: held,
-            reason: format!(
-                "held damping: K_d T_s/m < 2, kept at {HELD_DAMPING} on the least effective mass, {:.2} kg",
-                self.masses.least
-            ),
-        };
+    pub(crate) fn gain_limit(&self, wanted: &Wanted) -> Bound {
+        let least_mass = self.masses.least;
+        let kd = HELD_DAMPING * least_mass / self.period;
+        let mut bound = Bound { kd, limit: GainLimit::HeldDamping { least_mass } };
         let pairs = self.first_torque.iter().zip(&wanted.torque_limit_nm);
         for (joint, (unit, limit)) in (1..).zip(pairs) {
             if unit * bound.kd > *limit {
-                bound = Bound {
-                    kd: limit / unit,
-                    reason: format!(
-                        "torque: the initial error alone asks for {limit:.3} N m at joint {joint}"
-                    ),
-                };
+                let (kd, limit) = (limit / unit, *limit);
+                bound = Bound { kd, limit: GainLimit::FirstTorque { joint, limit } };
             }
         }
         bound
@@ -172,9 +162,9 @@ impl Arm {
         TRUST.min(1.0 - 2.0 * self.period / wanted.time_constant_s).max(0.0)
     }
 
-    /// Whether the loop is stable without latency, at the latency and at [`MARGIN`] times it, on the least
-    /// and the largest mass, with the k that an exponential reaches.
-    pub fn stands(&self, kd: f64, remedy: Remedy, wanted: &Wanted) -> bool {
+    /// Whether the loop is stable without latency, at the latency and at [`MARGIN`] times it, on
+    /// the least and the largest mass, with the k that an exponential reaches.
+    pub(crate) fn stands(&self, kd: f64, remedy: Remedy, wanted: &Wanted) -> bool {
         [self.masses.least, self.masses.most].into_iter().all(|mass| {
             let far = self.linear(kd, mass, self.trust(wanted), remedy, wanted);
             [far.latency, wanted.latency_s, 0.0]
@@ -183,38 +173,31 @@ impl Arm {
         })
     }
 
-    /// The largest K_d, up to `most`, with which a remedy stands the latency; or why none does.
-    pub fn gain_for_remedy(
+    /// The largest K_d, up to a bound, with which a remedy stands the latency; or why none does.
+    pub(crate) fn gain_for_remedy(
         &self,
         remedy: Remedy,
         wanted: &Wanted,
-        most: f64,
-    ) -> Result<Bound<Option<String>>, String> {
-        if self.stands(most, remedy, wanted) {
-            return Ok(Bound { kd: most, reason: None });
+        bound: Bound,
+    ) -> Result<Bound, Rejected> {
+        if self.stands(bound.kd, remedy, wanted) {
+            return Ok(bound);
         }
-        let mut kd = most;
-        while kd > LEAST_GAIN * most {
+        let mut kd = bound.kd;
+        while kd > LEAST_GAIN * bound.kd {
             kd *= 0.97;
             if self.stands(kd, remedy, wanted) {
-                let reason = Some(format!(
-                    "latency: the linear loop must stand {MARGIN} x {:.3} ms on {:.2} to {:.2} kg",
-                    wanted.latency_s * 1e3,
-                    self.masses.least,
-                    self.masses.most
-                ));
-                return Ok(Bound { kd, reason });
+                let (latency, masses) = (wanted.latency_s, self.masses);
+                return Ok(Bound { kd, limit: GainLimit::Latency { latency, masses } });
             }
         }
-        let largest = match self.largest_latency(most, remedy, wanted) {
-            Some(latency) => format!("stands {:.3} ms", latency * 1e3),
-            None => "is not stable even without latency".to_owned(),
+        let problem = Problem::Unstable {
+            kd: bound.kd,
+            factor: self.trust(wanted),
+            largest: self.largest_latency(bound.kd, remedy, wanted),
+            needed: MARGIN * wanted.latency_s,
         };
-        Err(format!(
-            "with K_d = {most:.3} and k = {:.3} the loop {largest}; {:.3} ms are needed",
-            self.trust(wanted),
-            MARGIN * wanted.latency_s * 1e3
-        ))
+        Err(Rejected { remedy, kd: None, problem })
     }
 
     /// The largest latency a remedy stands, over the masses.
@@ -227,7 +210,7 @@ impl Arm {
     }
 
     /// Why a memory was chosen, by its margin.
-    pub fn explain_memory(&self, values: &Values, wanted: &Wanted) -> String {
+    pub(crate) fn explain_memory(&self, values: &Values, wanted: &Wanted) -> String {
         let stands = self
             .largest_latency(values.kd, values.remedy, wanted)
             .map_or("no latency".to_owned(), |latency| format!("{:.3} ms", latency * 1e3));
@@ -247,7 +230,7 @@ impl Arm {
     }
 
     /// 1 − k that the loop needs at [`MARGIN`] times the latency, on the worst mass.
-    pub fn least_leak(&self, values: &Values, wanted: &Wanted) -> f64 {
+    pub(crate) fn least_leak(&self, values: &Values, wanted: &Wanted) -> f64 {
         let is_stable = |leak: f64| {
             [self.masses.least, self.masses.most].into_iter().all(|mass| {
                 self.linear(values.kd, mass, 1.0 - leak, values.remedy, wanted).spectral_radius()
@@ -266,7 +249,7 @@ impl Arm {
     }
 
     /// Why these thresholds.
-    pub fn explain_thresholds(&self, values: &Values, wanted: &Wanted) -> String {
+    pub(crate) fn explain_thresholds(&self, values: &Values, wanted: &Wanted) -> String {
         let multiple = values.error / self.initial_error;
         let k = (-self.initial_error / values.error).exp();
         let leak = match self.least_leak(values, wanted) {

@@ -1,15 +1,16 @@
-//! The paper's systematic gain selection: gains, thresholds and memory from what is wanted.
+//! The paper's systematic gain selection: gains, thresholds and memory for a wanted time constant.
 //!
 //! The ratio K_d/K_p is the error's time constant, eq. (17). The magnitude is the largest that the
-//! sample period, the latency and the actuators allow: [`limits`] says what theory allows,
-//! [`search`] looks for the least error among that by simulating the arm, and [`verify`] holds what is
-//! proposed to what is wanted, from several starts and with more latency.
+//! sample period, the latency and the actuators allow. `limits` computes the limits by theory,
+//! `search` simulates the arm to find the least error within them, and `verify` checks the proposal
+//! against the requirements, from several starts and with more latency.
 
-pub mod limits;
+mod limits;
 pub mod print;
-pub mod search;
-pub mod values;
-pub mod verify;
+mod reason;
+mod search;
+mod values;
+mod verify;
 
 use mtj_model::scenario::{Override, Scenario, duration};
 use mtj_plant::{
@@ -20,22 +21,24 @@ use serde::Serialize;
 use std::{ops::Range, time::Duration};
 
 use crate::error::StudyError;
-use limits::Arm;
+use limits::ArmProperties;
+pub use limits::motion;
+pub use reason::{GainLimit, Problem, Rejected};
 use search::Candidate;
-pub use values::Values;
-use verify::Verification;
+pub use values::{Remedy, Values};
+pub use verify::Verification;
 
 /// The loop must stand this many times the latency.
 pub const MARGIN: f64 = 1.5;
-/// From how many starts a candidate is simulated.
+/// The starts from which a candidate is simulated.
 pub const STARTS: usize = 5;
-/// Offset of the other starts from the scenario's own, rad. It changes where a chaotic posture goes, and
-/// hardly the torque that the start takes.
+/// Offset of the other starts from the scenario's own, rad. It changes where a chaotic posture
+/// goes, and hardly the torque that the start takes.
 const ASIDE: f64 = 1e-3;
-/// How many latencies are drawn for their mean.
+/// The latencies that are drawn for their mean.
 const DRAWS: usize = 4096;
 
-/// What is wanted.
+/// The requirements.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Wanted {
     /// K_d/K_p, s.
@@ -52,16 +55,16 @@ pub struct Wanted {
 /// A verified proposal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
-    /// What to set.
+    /// The values to set.
     pub values: Values,
-    /// What limits K_d.
-    pub gain_reason: String,
+    /// The limit on K_d.
+    pub gain_limit: GainLimit,
     /// Why this memory, and this mass.
     pub memory_reason: String,
     /// Why these thresholds.
     pub threshold_reason: String,
-    /// What was tried and given up on the way.
-    pub given_up: Vec<String>,
+    /// The candidates that were rejected.
+    pub rejected: Vec<Rejected>,
     /// The simulation with the latency.
     pub verified: Verification,
     /// The simulation with [`MARGIN`] times the latency.
@@ -70,8 +73,8 @@ pub struct Proposal {
     pub as_it_stands: Verification,
 }
 
-/// The scenario in lockstep with a multiple of the wanted latency and without a torque limit, so that
-/// what the law asks for is seen.
+/// The scenario in lockstep with a multiple of the wanted latency and without a torque limit, so
+/// that what the law asks for is seen.
 pub fn trial(
     scenario: &Scenario,
     wanted: &Wanted,
@@ -87,8 +90,8 @@ pub fn trial(
     Ok(Scenario::parse(&scenario.name, scenario.text(), &all)?)
 }
 
-/// The same from several starts: number 0 is the scenario's own; the others are `ASIDE` from it and draw
-/// other random numbers.
+/// The same from several starts: number 0 is the scenario's own; the others are `ASIDE` from it and
+/// draw other random numbers.
 pub fn trials(
     scenario: &Scenario,
     wanted: &Wanted,
@@ -116,8 +119,8 @@ pub fn trials(
 
 /// The settings of the links for a multiple of the wanted latency.
 ///
-/// The links' own latencies, with their jitter and losses, are lengthened by a constant; a latency that is
-/// wanted instead of theirs, or none at all, takes their place.
+/// The links' own latencies, with their jitter and losses, are lengthened by a constant; a latency
+/// that is wanted instead of theirs, or none at all, takes their place.
 pub fn links(scenario: &Scenario, wanted: &Wanted, multiple: f64) -> Vec<Override> {
     let text = |seconds: f64| duration::format(Duration::from_secs_f64(seconds));
     if wanted.sets_latency || multiple == 0.0 {
@@ -147,30 +150,31 @@ pub fn mean_latency(scenario: &Scenario) -> Result<f64, StudyError> {
     Ok(mean(&links.state, Direction::State)? + mean(&links.torque, Direction::Torque)?)
 }
 
-/// Proposes what has the least error from its worst start, or what is simpler and nearly as good.
+/// Proposes the values with the least error from the worst start, or simpler ones that are nearly
+/// as good.
 pub fn propose(
     scenario: &Scenario,
     wanted: &Wanted,
     proceed: &dyn Fn() -> bool,
 ) -> Result<Proposal, StudyError> {
-    let arm = Arm::of(scenario, wanted, proceed)?;
+    let arm = ArmProperties::of(scenario, wanted, proceed)?;
     arm.check_motion(wanted)?;
     let as_it_stands = verify::run(&trials(scenario, wanted, 1.0, &[], 0..STARTS)?, proceed)?;
-    let mut given_up = Vec::new();
-    let candidates = search::candidates(&arm, wanted, &mut given_up);
-    let best = search::best(scenario, wanted, &arm, candidates, &mut given_up, proceed)?;
+    let mut rejected = Vec::new();
+    let candidates = search::candidates(&arm, wanted, &mut rejected);
+    let best = search::best(scenario, wanted, &arm, candidates, &mut rejected, proceed)?;
     let Some((Candidate { values, bound }, verified, with_margin)) = best else {
         return Err(StudyError::NoGains {
             time_constant_s: wanted.time_constant_s,
-            limit: given_up.pop().unwrap_or_else(|| "nothing".to_owned()),
+            last: rejected.pop().map(Box::new),
         });
     };
     Ok(Proposal {
-        gain_reason: bound.reason_for(values.kd),
+        gain_limit: bound.limit_of(values.kd),
         memory_reason: arm.explain_memory(&values, wanted),
         threshold_reason: arm.explain_thresholds(&values, wanted),
         values,
-        given_up,
+        rejected,
         verified,
         with_margin,
         as_it_stands,

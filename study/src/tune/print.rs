@@ -2,7 +2,6 @@
 
 use std::fmt::Write;
 
-use mtj_model::scenario::Override;
 use serde_json::{Value, json};
 
 use super::{MARGIN, Proposal, STARTS, Wanted, verify::Verification};
@@ -28,25 +27,6 @@ pub fn snippet(proposal: &Proposal) -> String {
     text
 }
 
-/// The command that replays the verification.
-pub fn command(scenario: &str, set: &[Override]) -> String {
-    let mut text = format!("mtj run --scenario {}", quoted(scenario));
-    for set in set {
-        let _ = write!(text, " --set {}", quoted(&set.to_string()));
-    }
-    text
-}
-
-/// As one word for a shell.
-fn quoted(word: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._=-+:,".contains(c);
-    if word.chars().all(is_plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', r"'\''"))
-    }
-}
-
 /// The table for people.
 pub fn table(proposal: &Proposal, wanted: &Wanted, limit_source: &str) -> String {
     let v = &proposal.values;
@@ -58,7 +38,7 @@ pub fn table(proposal: &Proposal, wanted: &Wanted, limit_source: &str) -> String
             format!("{:.3} ms", wanted.latency_s * 1e3),
             "sample to application, on average".to_owned(),
         ),
-        ("K_d", format!("{} N s/m", v.kd), proposal.gain_reason.clone()),
+        ("K_d", format!("{} N s/m", v.kd), proposal.gain_limit.to_string()),
         ("K_p", format!("{} N/m", v.kp), "K_d over the time constant".to_owned()),
         (
             "M̄ of (11)",
@@ -76,7 +56,7 @@ pub fn table(proposal: &Proposal, wanted: &Wanted, limit_source: &str) -> String
     for (name, value, reason) in lines {
         let _ = writeln!(text, "{}", format!("{name:<13} {value:<26} {reason}").trim_end());
     }
-    for line in &proposal.given_up {
+    for line in &proposal.rejected {
         let _ = writeln!(text, "given up      {line}");
     }
     text.push('\n');
@@ -110,7 +90,10 @@ fn verification(row: &Verification) -> String {
 }
 
 fn torques(list: &[f64]) -> String {
-    let list: Vec<_> = list.iter().map(|torque| format!("{torque:.2}")).collect();
+    let short = |torque: &f64| {
+        if *torque < 1e5 { format!("{torque:.2}") } else { format!("{torque:.2e}") }
+    };
+    let list: Vec<_> = list.iter().map(short).collect();
     format!("{} N m", list.join(", "))
 }
 
@@ -128,11 +111,11 @@ pub fn object(proposal: &Proposal, wanted: &Wanted, source: &str, command: &str)
         "predicts": v.remedy.predicts,
         "mass": v.remedy.mass,
         "limits": {
-            "gain": proposal.gain_reason,
+            "gain": proposal.gain_limit.to_string(),
             "memory": proposal.memory_reason,
             "thresholds": proposal.threshold_reason,
         },
-        "given_up": proposal.given_up,
+        "given_up": proposal.rejected.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "verified": proposal.verified,
         "with_margin": proposal.with_margin,
         "as_it_stands": proposal.as_it_stands,

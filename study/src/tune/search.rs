@@ -1,7 +1,7 @@
 //! The search for the least error.
 //!
-//! All combinations that theory allows are simulated in lanes from one start, the best from several, and
-//! the best of those are varied. What leads then is verified by the scalar path.
+//! All combinations that theory allows are simulated in lanes from one start, the best from
+//! several, and the best of those are varied. The best after that are verified by the scalar path.
 
 use std::ops::Range;
 
@@ -9,7 +9,8 @@ use mtj_model::scenario::{Override, Scenario};
 
 use super::{
     MARGIN, STARTS, Wanted,
-    limits::{Arm, Bound},
+    limits::{ArmProperties, Bound},
+    reason::Rejected,
     trials,
     values::{Remedy, THRESHOLDS, Values, remedies, round, round_down},
     verify::{self, Verification},
@@ -35,17 +36,17 @@ const ENOUGH: usize = 6;
 const AS_GOOD: f64 = 1.05;
 
 /// Values to try.
-#[derive(Clone)]
-pub struct Candidate {
-    /// What is tried.
+#[derive(Clone, Debug)]
+pub(crate) struct Candidate {
+    /// The values.
     pub values: Values,
     /// The largest K_d that theory allows the remedy, and what limits it.
-    pub bound: Bound<String>,
+    pub bound: Bound,
 }
 
 impl Candidate {
     /// The same with a little less and a little more of K_d and of M̄.
-    fn variations(&self, arm: &Arm, wanted: &Wanted) -> Vec<Self> {
+    fn variations(&self, arm: &ArmProperties, wanted: &Wanted) -> Vec<Self> {
         let Values { kd, error, remedy, .. } = self.values;
         let around = |x: f64| [round(x / STEP), round(x * STEP)];
         let kds = around(kd).into_iter().filter(|kd| *kd <= self.bound.kd).map(|kd| (kd, remedy));
@@ -54,45 +55,47 @@ impl Candidate {
         kds.chain(masses)
             .filter(|(kd, remedy)| arm.stands(*kd, *remedy, wanted))
             .map(|(kd, remedy)| Values::new(kd, error, remedy, wanted))
-            .map(|values| Self { values, ..self.clone() })
+            .map(|values| Self { values, bound: self.bound })
             .collect()
     }
 }
 
 /// All combinations of remedies, gains and thresholds that theory allows.
-pub fn candidates(arm: &Arm, wanted: &Wanted, given_up: &mut Vec<String>) -> Vec<Candidate> {
+pub(crate) fn candidates(
+    arm: &ArmProperties,
+    wanted: &Wanted,
+    rejected: &mut Vec<Rejected>,
+) -> Vec<Candidate> {
     let allowed = arm.gain_limit(wanted);
     let mut candidates = Vec::new();
     for remedy in remedies(arm.masses.least) {
-        let bound = match arm.gain_for_remedy(remedy, wanted, allowed.kd) {
+        let bound = match arm.gain_for_remedy(remedy, wanted, allowed) {
             Ok(bound) => bound,
             Err(reason) => {
-                given_up.push(format!("{}: {reason}", remedy.name()));
+                rejected.push(reason);
                 continue;
             }
         };
-        let reason = bound.reason.unwrap_or_else(|| allowed.reason.clone());
-        let bound = Bound { kd: bound.kd, reason };
         for step in 0..GAINS {
             let kd = round_down(bound.kd * LOWER.powi(step as i32));
             candidates.extend(THRESHOLDS.map(|multiple| {
                 let error = round_down(multiple * arm.initial_error);
                 let values = Values::new(kd, error, remedy, wanted);
-                Candidate { values, bound: bound.clone() }
+                Candidate { values, bound }
             }));
         }
     }
     candidates
 }
 
-/// The best of the candidates and of those that are like them, with what was measured of it at the latency
-/// and at [`MARGIN`] times it; `None` if none stands the test.
-pub fn best(
+/// The best of the candidates and of those that are like them, with what was measured of it at the
+/// latency and at [`MARGIN`] times it; `None` if none stands the test.
+pub(crate) fn best(
     scenario: &Scenario,
     wanted: &Wanted,
-    arm: &Arm,
+    arm: &ArmProperties,
     candidates: Vec<Candidate>,
-    given_up: &mut Vec<String>,
+    rejected: &mut Vec<Rejected>,
     proceed: &dyn Fn() -> bool,
 ) -> Result<Option<(Candidate, Verification, Verification)>, StudyError> {
     let rank = |candidates, starts| rank(scenario, wanted, candidates, starts, proceed);
@@ -107,7 +110,7 @@ pub fn best(
         ranked.dedup_by(|(_, a), (_, b)| a.values == b.values);
     }
     if ranked.is_empty() {
-        // Whose verification says what is in the way.
+        // Its verification says what is wrong.
         ranked.extend(first.map(|first| (f64::INFINITY, first)));
     }
     let mut verified = Vec::new();
@@ -123,9 +126,9 @@ pub fn best(
         let problem = with_latency.problem(wanted, 1.0);
         match problem.or_else(|| with_margin.problem(wanted, MARGIN)) {
             None => verified.push((candidate, with_latency, with_margin)),
-            Some(why) => {
+            Some(problem) => {
                 let Values { remedy, kd, .. } = candidate.values;
-                given_up.push(format!("{}, K_d = {kd}: {why}", remedy.name()));
+                rejected.push(Rejected { remedy, kd: Some(kd), problem });
             }
         }
     }
@@ -135,8 +138,9 @@ pub fn best(
     Ok(verified.into_iter().min_by_key(|(candidate, ..)| candidate.values.remedy.parts()))
 }
 
-/// Simulates candidates side by side from some starts, at the latency and at [`MARGIN`] times it; those
-/// that do not run away within the torque limit, with their largest error at the latency, the least first.
+/// Simulates candidates side by side from some starts, at the latency and at [`MARGIN`] times it;
+/// returns those that stay within the torque limit, with their largest error at the latency, the
+/// least first.
 fn rank(
     scenario: &Scenario,
     wanted: &Wanted,

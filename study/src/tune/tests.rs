@@ -18,7 +18,7 @@ fn proposals_verify(period: &str) {
         let proposal = propose(&scenario, &wanted, &|| true).unwrap();
         let values = proposal.values;
         assert!((values.kd / values.kp / 2.0 - 1.0).abs() < 1e-9);
-        // Not what the proposal says of itself: the scenario that a user would run.
+        // The scenario that a user would run, not the numbers of the proposal.
         let set = values.overrides(&scenario);
         for multiple in [1.0, MARGIN] {
             let trials = trials(&scenario, &wanted, multiple, &set, 0..STARTS).unwrap();
@@ -55,7 +55,7 @@ fn the_ratio_of_the_gains_is_the_wanted_time_constant() {
 }
 
 #[test]
-fn an_impossible_torque_limit_is_refused_with_a_sentence() {
+fn a_torque_limit_below_the_motion_is_an_error() {
     let scenario = scenario("10 ms");
     let wanted = Wanted { torque_limit_nm: vec![0.5, 0.5], ..wanted(&scenario, 2.0, 0.0) };
     let failure = propose(&scenario, &wanted, &|| true).unwrap_err();
@@ -93,7 +93,7 @@ clock = "lockstep"
 sample_period = "4 ms"
 "#;
 
-/// What somebody would come to by hand: eq. (16) with prediction, and tdc with the best of some masses.
+/// Settings found by hand: eq. (16) with prediction, and tdc with the best of some masses.
 const BY_HAND: [&[&str]; 3] = [
     &["law.prediction.horizon=measured"],
     &["law.kind=tdc", "law.kp=10", "law.kd=20", "law.mass=0.3"],
@@ -121,7 +121,7 @@ fn a_proposal_for_an_arm_of_ones_own_is_at_most_the_best_by_hand() {
 }
 
 #[test]
-fn so_it_is_where_latencies_vary_and_messages_are_lost() {
+fn a_proposal_under_jitter_and_losses_is_at_most_the_best_by_hand() {
     let jitter = r#"link.torque.jitter={ kind = "gamma", deviation = "3 ms" }"#;
     is_at_most_the_best_by_hand(&[jitter, "link.torque.dropout=0.01"]);
 }

@@ -1,18 +1,18 @@
-//! What a proposal sets.
+//! The values that a proposal sets.
 
 use mtj_model::scenario::{MemoryPolicy, Override, Scenario};
 
 use super::Wanted;
 
 /// e_max as multiples of the initial error; the first makes k nearly one.
-pub const THRESHOLDS: [f64; 4] = [1000.0, 30.0, 10.0, 3.0];
+pub(crate) const THRESHOLDS: [f64; 4] = [1000.0, 30.0, 10.0, 3.0];
 /// ė_max/e_max, 1/s: the paper's.
 const RATE_RATIO: f64 = 10.0;
 
-/// What makes the law stand latency: whose task force it remembers, and what it does besides.
+/// A remedy against latency: the task force that the law remembers, and prediction or eq. (11).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Remedy {
-    /// Whose task force.
+    /// The task force that is remembered.
     pub policy: MemoryPolicy,
     /// M̄ of eq. (11), kg; `None` for eq. (16).
     pub mass: Option<f64>,
@@ -20,12 +20,13 @@ pub struct Remedy {
     pub predicts: bool,
 }
 
-/// M̄/m of eq. (11) that are tried, m the least effective mass: the inner loop is stable below 2, and a
-/// small one stands little latency with the memory of what was sent and asks less of the actuator.
+/// M̄/m of eq. (11) that are tried, m the least effective mass: the inner loop is stable below 2,
+/// and a small one stands little latency with the memory of what was sent and asks less of the
+/// actuator.
 const MASS_RATIOS: [f64; 7] = [1.7, 1.4, 1.2, 1.0, 0.8, 0.5, 0.3];
 
 /// Every remedy that may be proposed, for a least effective mass.
-pub fn remedies(least_mass: f64) -> Vec<Remedy> {
+pub(crate) fn remedies(least_mass: f64) -> Vec<Remedy> {
     let masses = MASS_RATIOS.map(|ratio| Some(round_down(ratio * least_mass)));
     let eq_11 = |policy| masses.map(|mass| Remedy { policy, mass, predicts: false });
     let eq_16 = |policy, predicts| Remedy { policy, mass: None, predicts };
@@ -37,7 +38,8 @@ pub fn remedies(least_mass: f64) -> Vec<Remedy> {
 }
 
 impl Remedy {
-    /// The order in which remedies are preferred where they are as good: the fewer parts, the better.
+    /// The order in which remedies are preferred where they are as good: the fewer parts, the
+    /// better.
     pub fn parts(self) -> usize {
         match (self.policy, self.mass, self.predicts) {
             (MemoryPolicy::Sent, None, _) => 0,
@@ -79,7 +81,7 @@ pub struct Values {
     pub error: f64,
     /// ė_max, m/s.
     pub error_rate: f64,
-    /// Whose force is remembered, and what else helps.
+    /// The remedy against latency.
     pub remedy: Remedy,
 }
 
@@ -114,12 +116,12 @@ impl Values {
 }
 
 /// A positive number rounded to two significant digits.
-pub fn round(x: f64) -> f64 {
+pub(crate) fn round(x: f64) -> f64 {
     round_down(x * (1.0 + 0.5 * 10f64.powf(x.log10().floor() - 1.0) / x))
 }
 
 /// A positive number rounded down to two significant digits.
-pub fn round_down(x: f64) -> f64 {
+pub(crate) fn round_down(x: f64) -> f64 {
     let unit = 10f64.powf(x.log10().floor() - 1.0);
     let digits = (x / unit + 1e-9).floor();
     // Divided by a whole number, so that 0.3 is printed as 0.3.

@@ -1,10 +1,10 @@
-//! What a simulation of the arm does with a proposal.
+//! Verifies a proposal by simulations of the arm.
 
 use mtj_model::scenario::Scenario;
 use mtj_plant::trace::TraceRow;
 use serde::Serialize;
 
-use super::Wanted;
+use super::{Wanted, reason::Problem};
 use crate::{error::StudyError, experiment};
 
 /// The measures of simulations that differ in their start, the first from the scenario's own.
@@ -24,8 +24,8 @@ pub struct Verification {
     pub settled_torque_nm: Vec<f64>,
     /// Of the initial decay, s; null where the error does not decay far enough to tell.
     pub time_constant_s: Option<f64>,
-    /// rms error of the last quarter over that of the one before: the median over the starts, because on
-    /// a redundant arm without damping it differs from start to start.
+    /// rms error of the last quarter over that of the one before: the median over the starts,
+    /// because on a redundant arm without damping it differs from start to start.
     pub growth: f64,
 }
 
@@ -42,7 +42,10 @@ struct Run {
 const GROWTH: f64 = 1.5;
 
 /// Runs a scenario in lockstep from each of its starts.
-pub fn run(starts: &[Scenario], proceed: &dyn Fn() -> bool) -> Result<Verification, StudyError> {
+pub(crate) fn run(
+    starts: &[Scenario],
+    proceed: &dyn Fn() -> bool,
+) -> Result<Verification, StudyError> {
     let runs =
         starts.iter().map(|start| simulate(start, proceed)).collect::<Result<Vec<_>, _>>()?;
     let sorted = |of: fn(&Run) -> f64| {
@@ -124,19 +127,16 @@ impl Verification {
         self.worst_rms_error_m.unwrap_or(f64::INFINITY)
     }
 
-    /// What speaks against a proposal that was run at a multiple of the latency.
-    pub fn problem(&self, wanted: &Wanted, multiple: f64) -> Option<String> {
-        let at =
-            if multiple == 1.0 { String::new() } else { format!(" at {multiple} x the latency") };
+    /// What is wrong with a proposal that was run at a multiple of the latency.
+    pub(crate) fn problem(&self, wanted: &Wanted, multiple: f64) -> Option<Problem> {
         if self.diverged {
-            return Some(format!("the arm runs away{at}"));
+            return Some(Problem::Diverges { multiple });
         }
         if self.growth.is_nan() || self.growth > GROWTH {
-            return Some(format!("the error still grows at the end{at}"));
+            return Some(Problem::Grows { multiple });
         }
-        let pairs = self.peak_torque_nm.iter().zip(&wanted.torque_limit_nm);
-        (1..).zip(pairs).find(|(_, (peak, limit))| peak > limit).map(|(joint, (peak, limit))| {
-            format!("the torque at joint {joint} reaches {peak:.3} of {limit:.3} N m{at}")
-        })
+        let mut pairs = (1..).zip(self.peak_torque_nm.iter().zip(&wanted.torque_limit_nm));
+        let (joint, (peak, limit)) = pairs.find(|(_, (peak, limit))| peak > limit)?;
+        Some(Problem::Torque { joint, peak: *peak, limit: *limit, multiple })
     }
 }

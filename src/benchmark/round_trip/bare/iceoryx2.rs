@@ -1,4 +1,5 @@
-//! iceoryx2's publish-subscribe, as in its own benchmark of it; with an event beside it where the ends block.
+//! iceoryx2's publish-subscribe, as in its own benchmark of it; with an event beside it where the
+//! ends block.
 
 use std::time::{Duration, Instant};
 
@@ -31,7 +32,7 @@ pub fn ping(place: &str, way: Way, samples: u64) -> Result<Durations, Failure> {
     let end = Instant::now() + GONE;
     while back.receive(Instant::now() + LOOK)?.is_none() {
         if Instant::now() >= end {
-            return Err(Failure::other("nobody answers over bare iceoryx2"));
+            return Err(Failure::other("no answer over bare iceoryx2"));
         }
         there.send(&StateSample::default())?;
     }

@@ -1,4 +1,5 @@
-//! The transports without us: one process sends a state, the other sends a torque back as soon as it has it.
+//! The transports without us: one process sends a state, the other sends a torque back as soon as
+//! it has it.
 //!
 //! Each is used the way its own examples measure a round trip.
 
@@ -17,14 +18,14 @@ use mtj_plant::durations::Durations;
 use mtj_protocol::realtime::Realtime;
 
 use super::{Effort, Way, free_endpoint};
-use crate::failure::Failure;
+use crate::{command::latency::ECHO, failure::Failure};
 
 /// Round trips are counted from here on: the first ones find everything cold.
 #[cfg(any(feature = "iceoryx2", feature = "zenoh"))]
 const WARM_UP: u64 = 1000;
 
 /// All round trips of one round.
-pub fn measure(way: Way, effort: &Effort) -> Result<Durations, Failure> {
+pub(crate) fn measure(way: Way, effort: &Effort) -> Result<Durations, Failure> {
     let place = match way.bus {
         BusKind::Zenoh => free_endpoint()?,
         _ => format!("{}", std::process::id()),
@@ -49,7 +50,7 @@ pub fn measure(way: Way, effort: &Effort) -> Result<Durations, Failure> {
 }
 
 /// The other process: answers as long as `proceed` says so.
-pub fn echo(
+pub(crate) fn echo(
     bus: BusKind,
     wait: Wait,
     place: &str,
@@ -77,7 +78,7 @@ struct Echo(Child);
 impl Echo {
     fn start(way: Way, place: &str, effort: &Effort) -> Result<Self, Failure> {
         let child = Command::new(env::current_exe()?)
-            .args(["echo", "--bus", way.bus.name(), "--wait", way.wait.name(), "--place", place])
+            .args([ECHO, "--bus", way.bus.name(), "--wait", way.wait.name(), "--place", place])
             .args(effort.realtime.controller().arguments())
             .stdin(Stdio::piped())
             .spawn()?;

@@ -1,5 +1,6 @@
-//! Zenoh over TCP on loopback, as in its own `z_ping` and `z_pong`: the one answers where the sample arrives,
-//! the other waits for it. What is sent goes as ours does: express, real-time priority, dropped rather than queued.
+//! Zenoh over TCP on loopback, as in its own `z_ping` and `z_pong`: the one answers where the
+//! sample arrives, the other waits for it. What is sent goes as ours does: express, real-time
+//! priority, dropped rather than queued.
 
 use std::{
     thread,
@@ -42,7 +43,7 @@ pub fn ping(place: &str, samples: u64) -> Result<Durations, Failure> {
             break;
         }
         if Instant::now() >= end {
-            return Err(Failure::other("nobody answers over bare Zenoh"));
+            return Err(Failure::other("no answer over bare Zenoh"));
         }
     }
     while back.recv_timeout(RETRY).map_err(failure)?.is_some() {}

@@ -1,4 +1,4 @@
-//! What `docs/latency.md` states, held against the step matrix of the loop.
+//! The statements of `docs/latency.md`, compared with the step matrix of the loop.
 
 mod inner_loop;
 mod margins;

@@ -17,17 +17,17 @@ use nalgebra::SVector;
 
 use super::{
     Queue,
-    lane::{Event, Lane, Sample},
+    lane::{Event, Lane, LawInputs},
 };
 
 /// A point of the tip in the lanes.
 type Point<T, const N: usize, const M: usize> = <PlanarArm<T, N> as Kinematics<T, N, M>>::Point;
 
-/// How many steps to do before looking again whether to go on.
+/// The steps between two checks of `proceed`.
 const PATIENCE: u32 = 1024;
 
 /// The loops, their arms and their controllers.
-pub struct Batch<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> {
+pub(crate) struct Batch<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> {
     queue: Queue<'a, 'b>,
     next: usize,
     loops: Vec<Place<'a, N, E>>,
@@ -51,7 +51,7 @@ struct Place<'s, const N: usize, const E: usize> {
 impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a, 'b, T, N, M, E> {
     /// Computes everything in a queue.
     #[inline(always)]
-    pub fn compute(queue: Queue<'a, 'b>) {
+    pub(crate) fn compute(queue: Queue<'a, 'b>) {
         let Some(some) = queue.numbers.first().map(|number| &queue.scenarios[*number]) else {
             return;
         };
@@ -78,8 +78,8 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
             if active == 0 {
                 return;
             }
-            // To answer costs about half as much as a step, and all lanes pay for both: so a few that
-            // have many steps to do do not hold up the others, nor the others them.
+            // An answer costs about half as much as a step, and all lanes pay for both. So lanes
+            // with many steps to do delay the others little.
             if 2 * waiting >= active {
                 if self.answer() {
                     self.fill();
@@ -103,7 +103,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
         }
     }
 
-    /// Gives lanes that are free to the next runs.
+    /// Fills free lanes with the next runs.
     #[inline(never)]
     fn fill(&mut self) {
         for lane in 0..T::COUNT {
@@ -112,7 +112,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
                 self.next += 1;
                 let scenario = &self.queue.scenarios[number];
                 match Lane::new(number, scenario) {
-                    Err(_) => (self.queue.hand_in)(number, None),
+                    Err(_) => (self.queue.on_result)(number, None),
                     Ok(new) => {
                         let arm = &scenario.arm;
                         let tolerance = scenario.timing.tolerance.unwrap_or(1.0);
@@ -129,7 +129,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
         self.arms.settle();
     }
 
-    /// A lane's arm has come to the event it was moving to; returns whether that was its last.
+    /// Handles the event that a lane's arm has reached; returns whether it was the last.
     #[inline(always)]
     fn reach(&mut self, lane: usize) -> bool {
         let velocity = numbers(self.arms.velocity.as_slice(), lane);
@@ -169,7 +169,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
         place.is_waiting = false;
         if let Some(mut lane) = place.lane.take() {
             let report = lane.report(energy);
-            (self.queue.hand_in)(lane.number, Some(report));
+            (self.queue.on_result)(lane.number, Some(report));
         }
         self.arms.remaining.set(lane, 0.0);
     }
@@ -202,7 +202,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
             if this.has_diverged() {
                 continue;
             }
-            let Sample { recalled, horizon, delivered_ns } = this.sample();
+            let LawInputs { recalled, horizon, delivered_ns } = this.sample();
             if self.has_noise {
                 let (q, q_dot) = this
                     .sense(numbers(position.as_slice(), lane), numbers(velocity.as_slice(), lane));
@@ -249,7 +249,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
         samples: &Samples<T, N, E>,
         response: &Response<T, Point<T, N, M>, N, M>,
     ) -> T {
-        // Who does not aim ahead has looked at the same instant.
+        // Without prediction the law has used the same instant.
         let desired = if self.predicts {
             Point::<T, N, M>::desired(&self.responder.trajectory, samples.time).point
         } else {
@@ -259,7 +259,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
         matrix::squared_norm(&Task::difference(&desired, &tip))
     }
 
-    /// Lets a lane go on from a sample; returns whether it was its last.
+    /// Continues a lane from a sample; returns whether it was its last.
     #[inline(always)]
     fn go_on(
         &mut self,
@@ -278,7 +278,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
         }
         if let Some(delivered_ns) = delivered_ns {
             if is_singular(response.command.condition.get(lane)) {
-                (self.queue.hand_in)(this.number, None);
+                (self.queue.on_result)(this.number, None);
                 place.lane = None;
                 return true;
             }
@@ -297,7 +297,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
     }
 }
 
-/// What the controllers are told; only the lanes that wait mean something.
+/// The inputs of the controllers; only the lanes that wait have valid ones.
 struct Samples<T, const N: usize, const E: usize> {
     /// s.
     time: T,

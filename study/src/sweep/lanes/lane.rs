@@ -2,8 +2,9 @@
 //!
 //! This is the plant's agenda where nothing has to wait; the rules are those of the plant's
 //! [`Sequencer`]. In lockstep the answer to a state follows from what is known when it is measured,
-//! because links do not look at what they carry: whether a state will be overtaken, and when its command
-//! arrives, can be drawn in advance. So a sample is answered at once, and only commands are under way.
+//! because links do not look at what they carry: whether a state will be overtaken, and when its
+//! command arrives, can be drawn in advance. So a sample is answered at once, and only commands are
+//! under way.
 
 use std::collections::VecDeque;
 
@@ -18,9 +19,9 @@ use mtj_plant::{
 };
 use mtj_protocol::sample::Joints;
 
-/// What comes next.
+/// The next event of a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Event {
+pub(crate) enum Event {
     /// A command takes effect.
     Arrive,
     /// The state is measured.
@@ -29,8 +30,8 @@ pub enum Event {
     End,
 }
 
-/// What a sample gives the law.
-pub struct Sample<const E: usize> {
+/// The inputs of the law at a sample.
+pub(crate) struct LawInputs<const E: usize> {
     /// The remembered echo; zero at the first sample.
     pub recalled: [f64; E],
     /// How far ahead to aim, s.
@@ -40,14 +41,14 @@ pub struct Sample<const E: usize> {
 }
 
 /// A loop.
-pub struct Lane<'s, const N: usize, const E: usize> {
-    /// Of the scenario, among all.
+pub(crate) struct Lane<'s, const N: usize, const E: usize> {
+    /// The number of the scenario, among all.
     pub number: usize,
     /// The scenario.
     pub scenario: &'s Scenario,
-    /// When the event is that the arm moves to, ns.
+    /// The time of the next event, ns.
     pub time_ns: u64,
-    /// What happens there.
+    /// The next event.
     pub event: Event,
     end_ns: u64,
     /// Number of the newest sample.
@@ -60,14 +61,14 @@ pub struct Lane<'s, const N: usize, const E: usize> {
     measures: Measures<N>,
     /// When commands arrive, and the commands, the first first.
     under_way: VecDeque<(u64, Command<N, E>)>,
-    /// When states reach the controller that do so later than they were measured, their numbers, and what
-    /// happens to their answers then.
+    /// When states reach the controller that do so later than they were measured, their numbers,
+    /// and what happens to their answers then.
     undelivered: VecDeque<(u64, u64, Departure)>,
 }
 
 impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
     /// A loop at its first sample.
-    pub fn new(number: usize, scenario: &'s Scenario) -> Result<Self, LinkError> {
+    pub(crate) fn new(number: usize, scenario: &'s Scenario) -> Result<Self, LinkError> {
         Ok(Self {
             number,
             scenario,
@@ -85,9 +86,9 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
         })
     }
 
-    /// Looks for the next event; returns how far it is, s.
+    /// Finds the next event; returns the time until then, s.
     #[inline(always)]
-    pub fn look_ahead(&mut self) -> f64 {
+    pub(crate) fn look_ahead(&mut self) -> f64 {
         let now = self.time_ns;
         let next_sample_ns = self.sequencer.next_sample_ns();
         (self.time_ns, self.event) = match self.under_way.front() {
@@ -102,18 +103,18 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
 
     /// Takes in the true joint velocities where the arm has come to, rad/s.
     #[inline(always)]
-    pub fn observe(&mut self, velocity: &[f64; N]) {
+    pub(crate) fn observe(&mut self, velocity: &[f64; N]) {
         self.sequencer.observe(velocity);
     }
 
-    /// Whether the arm ran away.
+    /// Whether the arm has diverged.
     #[inline(always)]
-    pub fn has_diverged(&self) -> bool {
+    pub(crate) fn has_diverged(&self) -> bool {
         self.sequencer.has_diverged()
     }
 
     /// Puts the next command into effect; returns the torque.
-    pub fn arrive(&mut self) -> Option<[f64; N]> {
+    pub(crate) fn arrive(&mut self) -> Option<[f64; N]> {
         let (_, command) = self.under_way.pop_front()?;
         self.apply(&command)
     }
@@ -131,25 +132,25 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
 
     /// Takes in the true tracking error at this sample.
     #[inline(always)]
-    pub fn note_error(&mut self, squared_error: f64) {
+    pub(crate) fn note_error(&mut self, squared_error: f64) {
         self.measures.sample(self.time_ns, squared_error);
     }
 
-    /// What a sensor makes of a state, rad and rad/s.
-    pub fn sense(&mut self, position: Joints, velocity: Joints) -> (Joints, Joints) {
+    /// The measured state for a true one, rad and rad/s.
+    pub(crate) fn sense(&mut self, position: Joints, velocity: Joints) -> (Joints, Joints) {
         self.sensor.measure(position, velocity)
     }
 
     /// Takes a sample.
     #[inline(always)]
-    pub fn sample(&mut self) -> Sample<E> {
+    pub(crate) fn sample(&mut self) -> LawInputs<E> {
         self.hand_over_before(self.time_ns + 1);
         self.sequence = self.sequencer.sample(self.time_ns);
         let latency_ns = self.sequencer.actuator().latency_ns();
         let horizon = prediction::horizon(self.scenario.law.prediction, latency_ns);
         let recalled = self.recall();
         let delivered_ns = self.delivery();
-        Sample {
+        LawInputs {
             recalled: recalled.unwrap_or([0.0; E]),
             horizon: horizon.unwrap_or(0.0),
             delivered_ns,
@@ -167,8 +168,8 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
         memory.recall(&self.sequencer.actuator().applied(), &delivered).copied()
     }
 
-    /// When the state measured now reaches the controller; `None` if it is lost, overtaken, or too late
-    /// for this run.
+    /// When the state measured now reaches the controller; `None` if it is lost, overtaken, or too
+    /// late for this run.
     #[inline(always)]
     fn delivery(&mut self) -> Option<u64> {
         let transit = match self.ahead.pop_front() {
@@ -182,8 +183,8 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
         is_heard.then_some(delivered_ns)
     }
 
-    /// Whether a later state reaches the controller before `delivered_ns`, so that the sequencer would not
-    /// hand over this one.
+    /// Whether a later state reaches the controller before `delivered_ns`, so that the sequencer
+    /// would not hand over this one.
     #[inline(always)]
     fn will_be_overtaken(&mut self, delivered_ns: u64) -> bool {
         if self.scenario.link.state.jitter == Jitter::None {
@@ -205,10 +206,10 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
         false
     }
 
-    /// Answers the state measured now, which reaches the controller at `delivered_ns`, with a command.
-    /// Returns the torque if it takes effect at once.
+    /// Answers the state measured now, which reaches the controller at `delivered_ns`, with a
+    /// command. Returns the torque if it takes effect at once.
     #[inline(always)]
-    pub fn command(
+    pub(crate) fn command(
         &mut self,
         delivered_ns: u64,
         torque: [f64; N],
@@ -262,7 +263,7 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
     }
 
     /// The measures of a run that ended with this event, after so much work, J.
-    pub fn report(&mut self, energy: f64) -> Report {
+    pub(crate) fn report(&mut self, energy: f64) -> Report {
         // At the same instant a state is handed over after commands and before samples.
         self.hand_over_before(self.time_ns + u64::from(self.event == Event::Sample));
         self.measures.report(self.scenario, &self.sequencer, self.time_ns, energy)

@@ -1,16 +1,17 @@
 //! Many runs at once, each in a lane of the processor's vectors.
 //!
-//! Arm, trajectory, laws and their formulas are those of the scalar path, on numbers with several lanes;
-//! links, sensor, actuator, memory and measures are those of the scalar path themselves, one in each lane.
-//! Only two things are done in another way: the arm is moved by [`mtj_plant::dormand_prince`], whose steps
-//! follow from `timing.tolerance`, and there is no queue of events, because a loop in lockstep knows at a
-//! sample when its command will arrive (`lanes/lane.rs`).
+//! Arm, trajectory, laws and their formulas are those of the scalar path, on numbers with several
+//! lanes; links, sensor, actuator, memory and measures are those of the scalar path themselves, one
+//! in each lane. Only two things are done in another way: the arm is moved by
+//! [`mtj_plant::dormand_prince`], whose steps follow from `timing.tolerance`, and there is no queue
+//! of events, because a loop in lockstep knows at a sample when its command will arrive
+//! (`lanes/lane.rs`).
 //!
-//! Lanes may differ in every number of a scenario, in seeds, links and memory policies. What decides which
-//! formula is evaluated must be the same: that is the [`Structure`], and runs are put together by it. A
-//! run's result does not depend on what is computed beside it, nor on the width of the vectors.
+//! Lanes may differ in every number of a scenario, in seeds, links and memory policies. The
+//! formulas that are evaluated must be the same: runs are grouped by their [`BatchShape`]. A run's
+//! result does not depend on the runs beside it, nor on the width of the vectors.
 //!
-//! What lanes do not do is done by the scalar path: see [`structure`].
+//! The scalar path computes the runs that lanes cannot: see [`shape`].
 
 mod batch;
 mod lane;
@@ -30,17 +31,17 @@ const MOST_LINKS: usize = 3;
 /// Times up to here, in ns, are whole numbers in a double: fifty days.
 const LONGEST_NS: u128 = 1 << 52;
 
-/// What runs must have in common to be computed side by side: the formulas that are evaluated, and how
-/// many numbers they take.
+/// The properties that runs in one batch share: the formulas that are evaluated, and their sizes.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Structure {
+pub struct BatchShape {
     links: usize,
     formulas: Shape,
 }
 
-/// The structure of a scenario; `None` where it is for the scalar path: in real time, with an integration
-/// step that was asked for, with a command timeout, and for arms of more than three links.
-pub fn structure(scenario: &Scenario) -> Option<Structure> {
+/// The shape of a scenario; `None` where it is for the scalar path: in real time, with an
+/// integration step that was asked for, with a command timeout, and for arms of more than three
+/// links.
+pub fn shape(scenario: &Scenario) -> Option<BatchShape> {
     let timing = &scenario.timing;
     let links = scenario.arm.links.len();
     let in_lanes = timing.clock == ClockKind::Lockstep
@@ -53,18 +54,19 @@ pub fn structure(scenario: &Scenario) -> Option<Structure> {
         scenario.trajectory.shape(&mut formulas);
         scenario.law.law.shape(&mut formulas);
         formulas.extend([scenario.law.prediction.is_some(), scenario.noise > 0.0].map(u8::from));
-        Structure { links, formulas }
+        BatchShape { links, formulas }
     })
 }
 
-/// Computes scenarios, side by side where that is possible, and hands each result in as it comes, with
-/// the number of its scenario. What is left when `proceed` says no is not handed in.
+/// Computes scenarios, side by side where that is possible. `on_result` takes each result, with the
+/// number of its scenario, as it comes. Runs that are not finished when `proceed` returns false
+/// have no result.
 pub fn measure(
     scenarios: &[Scenario],
     proceed: &dyn Fn() -> bool,
-    hand_in: &mut dyn FnMut(usize, Measured),
+    on_result: &mut dyn FnMut(usize, Measured),
 ) {
-    measure_in(Width::widest(), scenarios, proceed, hand_in);
+    measure_in(Width::widest(), scenarios, proceed, on_result);
 }
 
 /// The same in vectors of a given width.
@@ -72,36 +74,36 @@ pub fn measure_in(
     width: Width,
     scenarios: &[Scenario],
     proceed: &dyn Fn() -> bool,
-    hand_in: &mut dyn FnMut(usize, Measured),
+    on_result: &mut dyn FnMut(usize, Measured),
 ) {
     let mut alone = Vec::new();
-    let mut together = std::collections::BTreeMap::<Structure, Vec<usize>>::new();
+    let mut together = std::collections::BTreeMap::<BatchShape, Vec<usize>>::new();
     for (number, scenario) in scenarios.iter().enumerate() {
-        match structure(scenario) {
-            Some(structure) => together.entry(structure).or_default().push(number),
+        match shape(scenario) {
+            Some(shape) => together.entry(shape).or_default().push(number),
             None => alone.push(number),
         }
     }
-    for (structure, numbers) in &together {
+    for (shape, numbers) in &together {
         let mut take = |number, result| match result {
-            Some(report) => hand_in(number, Ok(report)),
+            Some(report) => on_result(number, Ok(report)),
             None => alone.push(number),
         };
-        let queue = Queue { scenarios, numbers, proceed, hand_in: &mut take };
-        match structure.links {
-            1 => width.run(Job::<1, 2, 2>(queue)),
-            2 => width.run(Job::<2, 2, 2>(queue)),
-            _ => width.run(Job::<3, 2, 3>(queue)),
+        let queue = Queue { scenarios, numbers, proceed, on_result: &mut take };
+        match shape.links {
+            1 => width.run(BatchWork::<1, 2, 2>(queue)),
+            2 => width.run(BatchWork::<2, 2, 2>(queue)),
+            _ => width.run(BatchWork::<3, 2, 3>(queue)),
         }
     }
     for number in alone {
         if let Some(measured) = reference(&scenarios[number], proceed) {
-            hand_in(number, measured);
+            on_result(number, measured);
         }
     }
 }
 
-/// One run on the scalar path, whatever its structure; `None` if it was interrupted.
+/// One run on the scalar path, whatever its shape; `None` if it was interrupted.
 pub fn reference(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Option<Measured> {
     match experiment::run_direct(scenario, false, proceed) {
         Ok(outcome) if outcome.interrupted => None,
@@ -110,20 +112,20 @@ pub fn reference(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Option<Meas
     }
 }
 
-/// Runs of one structure that wait for lanes.
+/// Runs of one shape that wait for lanes.
 struct Queue<'a, 'b> {
     scenarios: &'a [Scenario],
     numbers: &'a [usize],
     proceed: &'b dyn Fn() -> bool,
-    /// Takes what came of a lane, or nothing if something happened that the scalar path has the words for.
-    hand_in: &'b mut dyn FnMut(usize, Option<Report>),
+    /// Takes the report of a lane, or `None` if the scalar path must say what went wrong.
+    on_result: &'b mut dyn FnMut(usize, Option<Report>),
 }
 
-/// Runs of an arm with `N` links, a task with `M` axes, and an echo of up to `E` numbers: one for each
-/// joint or axis.
-struct Job<'a, 'b, const N: usize, const M: usize, const E: usize>(Queue<'a, 'b>);
+/// Runs of an arm with `N` links, a task with `M` axes, and an echo of up to `E` numbers: one for
+/// each joint or axis.
+struct BatchWork<'a, 'b, const N: usize, const M: usize, const E: usize>(Queue<'a, 'b>);
 
-impl<const N: usize, const M: usize, const E: usize> Work for Job<'_, '_, N, M, E> {
+impl<const N: usize, const M: usize, const E: usize> Work for BatchWork<'_, '_, N, M, E> {
     type Output = ();
     #[inline(always)]
     fn run<T: Lanes>(self) {

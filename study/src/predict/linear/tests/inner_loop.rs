@@ -1,4 +1,5 @@
-//! The inner loop of time-delay control: how a force depends on those before it, where no error acts.
+//! The inner loop of time-delay control: how a force depends on those before it, where no error
+//! acts.
 
 use super::*;
 
@@ -101,8 +102,8 @@ impl Network {
         (impulse / PERIOD, largest)
     }
 
-    /// Runs so many periods from a force of 1 N: for each the law's answer, and the largest force that
-    /// acted before it.
+    /// Runs so many periods from a force of 1 N: for each the law's answer, and the largest force
+    /// that acted before it.
     fn run(mut self, periods: usize) -> Vec<(f64, f64)> {
         let scalar = |x: f64| SVector::<f64, 1>::repeat(x);
         let (mut v, mut force) = (0.0, 1.0);

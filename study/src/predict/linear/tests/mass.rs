@@ -1,5 +1,5 @@
-//! Eq. (11) as time-delay control, eq. (16) as its limit, prediction as a mass, and what mass an outer
-//! loop needs.
+//! Eq. (11) as time-delay control, eq. (16) as its limit, prediction as a mass, and what mass an
+//! outer loop needs.
 
 use super::*;
 
@@ -56,7 +56,8 @@ fn delivered_with_the_right_mass_is_computed_torque_with_a_perfect_model_at_any_
             for (kp, kd) in [(8.0, 4.0), (20.0, 20.0)] {
                 let tdc = held(tdc(kp, kd, mass), mass, MemoryPolicy::Delivered, latency);
                 let mb = LinearLoop { law: mb(kp, kd), ..tdc };
-                // Two polynomials with as many coefficients as this have values at a circle of points.
+                // Two polynomials with as many coefficients as this have values at a circle of
+                // points.
                 let count = tdc.size() + 1;
                 for i in 0..count {
                     let angle = std::f64::consts::TAU * i as f64 / count as f64;

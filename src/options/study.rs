@@ -1,4 +1,4 @@
-//! How a study is named on the command line.
+//! The study that a command is about.
 
 use clap::Args;
 use mtj_model::scenario::Override;
@@ -6,9 +6,9 @@ use mtj_study::sweep::plan::Plan;
 
 use crate::failure::Failure;
 
-/// Which study
+/// The study of a command
 #[derive(Args, Debug)]
-pub struct Which {
+pub struct StudyOptions {
     /// Built-in study ('mtj study list' prints them) or TOML file
     study: String,
     /// Set any key at every point; may be repeated
@@ -16,8 +16,8 @@ pub struct Which {
     set: Vec<String>,
 }
 
-impl Which {
-    /// The study, with everything set that was asked for.
+impl StudyOptions {
+    /// Loads the study with everything that `--set` sets.
     pub fn load(&self) -> Result<Plan, Failure> {
         let set: Vec<Override> =
             self.set.iter().map(|text| text.parse()).collect::<Result<_, _>>()?;
