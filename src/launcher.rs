@@ -125,7 +125,7 @@ impl Launch {
             () = asked_to_stop() => None,
         };
         if !plant_is_done {
-            // On Ctrl-C every role gets the signal, so that who ends first is no failure.
+            // On Ctrl-C every role gets the signal, so the one that ends first is no failure.
             plant.leash = None;
             reading.await?;
         }
@@ -189,7 +189,7 @@ impl Launch {
         scenario: &Scenario,
         plant: &mut RoleProcess,
     ) -> io::Result<RoleProcess> {
-        // Who starts a loop may turn its knobs.
+        // The user who starts a loop may change it.
         let own = scenario.bus.certs.is_some().then_some(Role::Operator.name());
         let identity = self.options.bus.session.identity.as_deref().or(own);
         let bus = self.join_options(scenario, identity);

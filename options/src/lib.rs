@@ -4,9 +4,9 @@
 //!
 //! | options | for |
 //! |---|---|
-//! | [`SessionOptions`] | everybody: which loop on which bus |
-//! | [`JoinOptions`] | those who connect to a plant |
-//! | [`BusOptions`] | those who run a plant: it listens, and says how the loop waits |
+//! | [`SessionOptions`] | all: which loop on which bus |
+//! | [`JoinOptions`] | roles that connect to a plant |
+//! | [`BusOptions`] | commands that run a plant: it listens, and says how the loop waits |
 //! | [`RealtimeOptions`] | both ends of a loop |
 
 #![warn(clippy::print_stderr, clippy::print_stdout)]

@@ -31,7 +31,7 @@ pub struct BridgeCommand {
     /// The bus it is to be heard on
     #[arg(long, value_name = "KIND", default_value = "zenoh")]
     to: String,
-    /// Let nobody beyond the bridge turn knobs
+    /// Refuse requests from beyond the bridge
     #[arg(long)]
     read_only: bool,
     #[command(flatten)]
@@ -134,12 +134,12 @@ impl Log {
     }
 }
 
-/// Whether anybody reads it or not.
+/// Prints a line; a reader that is gone does not end the bridge.
 fn say(line: &str) {
     let _ = writeln!(stdout(), "{line}");
 }
 
-/// Who takes part, in words.
+/// Which roles take part, in words.
 fn company<'a>(members: impl Iterator<Item = &'a Member>) -> String {
     let (mut plants, mut controllers) = (0, 0);
     for member in members {

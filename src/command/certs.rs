@@ -63,7 +63,7 @@ impl Certs {
         ] {
             writeln!(out, "  {machine:<15} ca.pem {name}.pem {name}.key")?;
         }
-        writeln!(out, "  {:<15} ca.key: its holder can make certificates", "nobody's")?;
+        writeln!(out, "  {:<15} ca.key: its holder can make certificates", "none")?;
         writeln!(
             out,
             "The plant and the router can be reached as {}.",

@@ -52,7 +52,7 @@ pub struct Reset {
     bus: JoinOptions,
 }
 
-/// Disturb the arm of a running loop with a torque that nobody was told of
+/// Disturb the arm of a running loop with a torque that no controller knows of
 #[derive(Args, Debug)]
 pub struct Kick {
     /// Torque on each joint, N m

@@ -283,7 +283,7 @@ fn a_jacobian_without_an_inverse_ends_its_own_lane_only() {
 }
 
 #[test]
-fn what_lanes_do_not_do_is_the_scalar_path_bit_for_bit() {
+fn runs_that_lanes_cannot_do_take_the_scalar_path_bit_for_bit() {
     for more in [
         [set("timing.integration_step", "5 ms"), set("duration", "1 s")],
         [set("safety.command_timeout", "50 ms"), set("safety.on_timeout", "damp")],

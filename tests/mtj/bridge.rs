@@ -235,7 +235,7 @@ fn knobs_are_turned_through_the_bridge_unless_it_is_read_only() {
 }
 
 #[test]
-fn those_beyond_know_who_takes_part_and_when_there_is_no_plant_any_more() {
+fn a_bridge_tells_which_roles_take_part_and_when_the_plant_is_gone() {
     let bridged = Bridged::from("iceoryx2");
     let _bridge = bridged.bridge("");
     let settings = BusSettings {

@@ -239,7 +239,7 @@ fn a_knob_turned_in_the_page_shows_in_its_error_plot() {
 }
 
 #[test]
-fn who_falls_silent_is_announced_until_he_is_back() {
+fn a_silent_role_is_announced_until_it_is_back() {
     needs!(Browser);
     let session = Session::on("iceoryx2");
     let monitor = session.start("monitor --web 127.0.0.1:0");

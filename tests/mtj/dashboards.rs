@@ -352,7 +352,7 @@ fn a_knob_that_is_turned_is_seen_by_every_dashboard() {
 }
 
 #[test]
-fn what_is_not_meant_for_others_is_not_shown_to_them() {
+fn pages_of_other_origins_see_nothing() {
     let session = Session::on("iceoryx2");
     let server = Server::start(&session, "");
     let host = server.host();
@@ -373,7 +373,7 @@ fn what_is_not_meant_for_others_is_not_shown_to_them() {
 }
 
 #[test]
-fn there_is_room_for_256_and_whoever_comes_then_is_told_so() {
+fn a_bus_has_room_for_256_and_refuses_the_next_in_a_sentence() {
     let session = Session::on("iceoryx2");
     let server = Server::start(&session, "");
     let mut guests: Vec<_> = (0..256).map(|_| server.connect()).collect();

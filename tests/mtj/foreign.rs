@@ -34,7 +34,7 @@ fn foreign_controller(session: &Session, endpoint: &str, errors: &Path) -> Forei
         .stdout(Stdio::null())
         .stderr(File::create(errors).unwrap())
         .spawn()
-        .unwrap_or_else(|error| panic!("{python}: {error}; tests/run makes it"));
+        .unwrap_or_else(|error| panic!("{}: {error}", python.display()));
     Foreign(child)
 }
 

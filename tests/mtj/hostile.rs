@@ -19,7 +19,7 @@ use mtj_protocol::{
 use serde_json::Value;
 
 /// Messages a second: a hundred times as many as the loop's.
-const RATE: u64 = 10_000;
+pub(crate) const RATE: u64 = 10_000;
 
 /// How many messages each test sends.
 fn messages() -> u64 {
@@ -128,7 +128,7 @@ fn hostile_bytes_over_zenoh_leave_a_lockstep_run_bit_for_bit_the_same() {
 }
 
 #[test]
-fn nobody_writes_what_the_plant_writes_in_shared_memory() {
+fn only_the_plant_writes_its_topics_in_shared_memory() {
     let session = Session::on("iceoryx2");
     let mut plant = session.start("plant --set duration=1h");
     let bus = Iceoryx2Bus::open(&session.name).unwrap();

@@ -73,7 +73,7 @@ fn a_loop_is_changed_while_it_runs_over_zenoh() {
 }
 
 #[test]
-fn what_a_loop_cannot_take_on_is_bad_input_and_nobody_to_ask_is_not() {
+fn an_impossible_change_is_bad_input_and_a_missing_plant_is_not() {
     let session = Session::on("iceoryx2");
     let (status, said) = say(&session, "set law.kp=31");
     assert_eq!(status.code(), Some(1), "{said}");

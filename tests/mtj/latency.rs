@@ -100,7 +100,7 @@ fn a_role_gets_the_priority_the_processor_and_the_memory_that_it_asks_for() {
 }
 
 #[test]
-fn what_the_system_refuses_is_said_and_gone_without() {
+fn a_loop_goes_on_without_what_the_system_refuses() {
     let _machine = machine::alone();
     let session = Session::on("iceoryx2");
     let without = [

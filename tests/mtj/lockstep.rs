@@ -161,7 +161,7 @@ fn assert_known(report: &Report, known: Known, what: &str) {
 }
 
 #[test]
-fn what_we_know_of_latency_is_so() {
+fn the_documented_errors_under_latency_are_reproduced() {
     for (name, sets, errors) in known() {
         for (latency, known) in ["0ms", "1ms", "5ms", "20ms"].iter().zip(errors) {
             let link = format!("link.torque.latency={latency}");

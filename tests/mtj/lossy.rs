@@ -197,14 +197,14 @@ fn a_lossy_network_loses_commands_and_no_more() {
 }
 
 #[test]
-fn what_comes_twice_acts_once() {
+fn a_repeated_command_acts_once() {
     let _machine = machine::alone();
     let counts = run_through(Weather { twice: 0.3, ..FINE });
     assert!(count(&counts, "lost") < 20, "{counts}");
 }
 
 #[test]
-fn what_was_overtaken_does_not_act() {
+fn an_overtaken_command_does_not_act() {
     let _machine = machine::alone();
     let counts = run_through(Weather { swapped: 0.1, ..FINE });
     assert!(count(&counts, "lost") + count(&counts, "rejected") > 20, "{counts}");

@@ -3,6 +3,7 @@
 //! One binary of modules: `cargo test --release --test mtj failover` runs those of one file.
 
 #![cfg(all(feature = "iceoryx2", feature = "zenoh"))]
+#![allow(unreachable_pub, reason = "a test binary has no public surface")]
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

@@ -362,7 +362,7 @@ fn a_file_that_is_there_is_not_lost() {
 }
 
 #[test]
-fn what_cannot_be_recorded_or_read_is_refused_in_one_sentence() {
+fn an_impossible_recording_is_refused_in_one_sentence() {
     let session = Session::on("iceoryx2");
     let text = session.directory.join("text.mcap");
     fs::write(&text, "no recording").unwrap();

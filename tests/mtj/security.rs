@@ -188,7 +188,7 @@ fn the_same_words_move_the_arm_if_the_certificate_is_right() {
 }
 
 #[test]
-fn who_cannot_prove_himself_is_not_connected() {
+fn a_process_without_a_valid_certificate_is_not_connected() {
     for protocol in ["tls", "quic"] {
         let secured = Secured::over(protocol);
         secured.certify("foreign", "");
@@ -269,7 +269,7 @@ fn a_router_keeps_the_same_rules() {
 }
 
 #[test]
-fn a_knob_is_turned_by_an_operator_and_by_nobody_else() {
+fn only_an_operator_changes_a_loop() {
     let secured = Secured::over("tls");
     let _plant = secured.role("plant --set duration=1h --set timing.clock=realtime");
     let _controller = secured.role("controller");
@@ -302,7 +302,7 @@ fn a_knob_is_turned_by_an_operator_and_by_nobody_else() {
 }
 
 #[test]
-fn nobody_listens_to_strangers_unless_told_to() {
+fn no_role_listens_beyond_this_machine_unless_told_to() {
     let secured = Secured::over("tls");
     let open = format!("tcp/0.0.0.0:{}", free_port());
     for command in ["plant", "run", "up"] {

@@ -27,7 +27,7 @@ fn is_private(path: &Path) -> bool {
 }
 
 #[test]
-fn what_is_shared_is_shared_by_one_user_only() {
+fn shared_memory_is_for_one_user_only() {
     let session = Session::on("iceoryx2");
     let _roles = begin(&session);
     let found = shared_memory();
@@ -38,7 +38,7 @@ fn what_is_shared_is_shared_by_one_user_only() {
 }
 
 #[test]
-fn the_next_to_start_clears_away_what_the_dead_left() {
+fn the_next_process_removes_what_crashed_processes_left() {
     let session = Session::on("iceoryx2");
     let mut roles = begin(&session);
     let processes: Vec<u32> = roles.iter().map(Running::id).collect();
@@ -58,7 +58,7 @@ fn the_next_to_start_clears_away_what_the_dead_left() {
 }
 
 #[test]
-fn a_role_that_is_killed_in_start_up_holds_up_nobody() {
+fn a_role_killed_in_start_up_does_not_block_others() {
     let session = Session::on("iceoryx2");
     let mut roles = begin(&session);
     for (index, role) in [PLANT, "controller", "monitor"].iter().enumerate() {

@@ -364,7 +364,7 @@ impl Drop for Router {
 }
 
 #[test]
-fn a_loop_goes_through_a_router_whoever_comes_back() {
+fn a_loop_through_a_router_survives_a_restart_of_any_part() {
     needs!(Machines);
     let _machine = machine::alone();
     let (network, session) = (Network::of(3), Session::on("zenoh"));

@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_back() {
+    fn durations_written_are_read_back() {
         for nanoseconds in [
             0,
             7,

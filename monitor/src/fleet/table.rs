@@ -34,7 +34,7 @@ pub(super) struct SessionRow {
 const COUNTS: [&str; 6] = ["lost", "late", "rejected", "timeouts", "takeovers", "missed here"];
 
 /// The columns of text, which are aligned to the left; numbers are aligned to the right.
-const TEXTS: [&str; 5] = ["session", "phase", "law", "in charge", "alarm"];
+const TEXTS: [&str; 5] = ["session", "phase", "law", "leader", "alarm"];
 
 const RED: &str = "\x1b[31m";
 const PLAIN: &str = "\x1b[0m";
@@ -110,12 +110,8 @@ fn size() -> (usize, usize) {
 /// The heading and the rows, in columns.
 fn lay_out(rows: &[SessionRow]) -> Vec<String> {
     let heading = ["session", "phase", "t/s", "law", "|e|/m", "signal", "p50/µs", "p99/µs"];
-    let heading: Vec<&str> = heading
-        .into_iter()
-        .chain(["in charge", "standby"])
-        .chain(COUNTS)
-        .chain(["alarm"])
-        .collect();
+    let heading: Vec<&str> =
+        heading.into_iter().chain(["leader", "standby"]).chain(COUNTS).chain(["alarm"]).collect();
     let mut lines = vec![heading.iter().map(|title| (*title).to_owned()).collect()];
     lines.extend(rows.iter().map(cells));
     let width = |column: usize| {

@@ -67,7 +67,7 @@ impl<S: Sample> SlotWriter<S> {
                 value.value_mut().write(*any);
                 Entry::Prefetched(value)
             }
-            prefetched => prefetched,
+            prefetched @ Entry::Prefetched(_) => prefetched,
         });
     }
 }

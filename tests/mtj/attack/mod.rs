@@ -21,7 +21,7 @@ use mtj_protocol::{
 };
 use zenoh::Wait as _;
 
-use crate::RATE;
+use crate::hostile::RATE;
 
 /// An attack that goes on until it is ended.
 pub struct Attack {

@@ -159,7 +159,7 @@ fn speak(bus: &Session, prefix: &str, say: Say, state: &StateSample) {
             );
         }
         Say::Presence => {
-            put(bus, prefix, &PresenceSample { header: state.header, ..Default::default() })
+            put(bus, prefix, &PresenceSample { header: state.header, ..Default::default() });
         }
         Say::Scenario => {}
         Say::Everything => {

@@ -86,7 +86,7 @@ impl Network {
         match cut {
             Cut::Carrier => ip(&format!("-n {} link set eth0 down", self.machine(machine))),
             Cut::Silence => {
-                ip(&format!("-n {} link set {} nomaster", self.switch(), port(machine)))
+                ip(&format!("-n {} link set {} nomaster", self.switch(), port(machine)));
             }
         }
     }
