@@ -50,18 +50,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     runner::run_in_process(&plan, &mut results, Shard::ALL, 2, &|| true)?;
     results.sort()?;
 
-    // One row a law and sample period, one column a latency.
-    let mut last = None;
-    print!("rms error, mm, over d");
-    for row in results::read(&folder, &plan)? {
-        let [_, law, period, latency, error, ..] = &row.fields[..] else { continue };
-        let line = format!("{law}, T_s = {period} s");
-        if last.as_ref() != Some(&line) {
-            print!("\n{line:<30}");
-            last = Some(line);
+    // A line a law and sample period, a column a latency.
+    print!("{:<30}", "rms error, mm");
+    for latency in &plan.axes[2].positions {
+        print!("{:>13}", format!("d = {} s", latency.label));
+    }
+    for (point, row) in results::read(&folder, &plan)?.iter().enumerate() {
+        let [_, law, period, _, error, ..] = &row.fields[..] else { continue };
+        if point % plan.axes[2].positions.len() == 0 {
+            print!("\n{:<30}", format!("{law}, T_s = {period} s"));
         }
-        let error = error.parse().map_or("diverges".to_owned(), |e: f64| format!("{:.2}", e * 1e3));
-        print!("{:>18}", format!("{latency} s: {error}"));
+        let error = error.parse().map_or("lost".to_owned(), |e: f64| format!("{:.2}", e * 1e3));
+        print!("{error:>13}");
     }
     println!();
     report::write(&folder, &|| true)?;

@@ -157,6 +157,7 @@ impl Launch {
     fn join_options(&self, scenario: &Scenario, identity: Option<&str>) -> BusOptions {
         let BusOptions { mut session, mut connect, .. } = self.options.bus.clone();
         session.identity = identity.map(str::to_owned);
+        session.insecure = false; // They do not listen.
         session.certs = scenario.bus.certs.clone();
         session.bus = Some(scenario.bus.kind.name().to_owned());
         session.session = session.session.or_else(|| Some(scenario.bus.session.clone()));

@@ -25,6 +25,9 @@ pub struct SessionOptions {
     /// Certificate to show, if not the role's own: a monitor with the operator's may change the loop
     #[arg(long, value_name = "NAME")]
     pub identity: Option<String>,
+    /// Zenoh: listen beyond this machine without certificates, so that any process can move the arm
+    #[arg(long)]
+    pub insecure: bool,
 }
 
 /// Where the plant is
@@ -53,9 +56,6 @@ pub struct BusOptions {
     /// Zenoh endpoint of a router to connect to, like tcp/127.0.0.1:7447
     #[arg(long, value_name = "ENDPOINT")]
     pub connect: Option<String>,
-    /// Zenoh: listen beyond this machine without certificates; anybody who gets there can move the arm
-    #[arg(long)]
-    pub insecure: bool,
 }
 
 impl From<JoinOptions> for BusOptions {
@@ -67,7 +67,7 @@ impl From<JoinOptions> for BusOptions {
 impl BusOptions {
     /// The keys of the `[bus]` table that these options set.
     fn pairs(&self) -> Vec<(&'static str, Value)> {
-        let Self { session, wait, listen, connect, insecure } = self;
+        let Self { session, wait, listen, connect } = self;
         let named = |key, value: &Option<String>| Some((key, Value::String(value.clone()?)));
         let path = |key, value: &Option<PathBuf>| {
             Some((key, Value::String(value.as_ref()?.display().to_string())))
@@ -87,7 +87,7 @@ impl BusOptions {
             path("config", &session.zenoh_config),
             path("certs", &session.certs),
             named("identity", &session.identity),
-            insecure.then_some(("insecure", Value::Boolean(true))),
+            session.insecure.then_some(("insecure", Value::Boolean(true))),
         ]
         .into_iter()
         .flatten()

@@ -65,8 +65,11 @@ impl Session {
 
     /// The same behind a command that makes way for `mtj`, like `env`.
     pub fn start_behind_on_bus(&self, prefix: &[&str], arguments: &str) -> Running {
-        let bus: Vec<&str> = self.bus.iter().map(String::as_str).collect();
-        let arguments = [&arguments.split(' ').collect::<Vec<_>>()[..], &bus].concat();
+        let words: Vec<&str> = arguments.split(' ').collect();
+        let is_plant = ["plant", "run", "up", "bridge", "study", "tune"].contains(&words[0]);
+        let option = |word| if word == "--listen" && !is_plant { "--connect" } else { word };
+        let bus: Vec<&str> = self.bus.iter().map(|word| option(word)).collect();
+        let arguments = [words, bus].concat();
         self.start_behind(prefix, &arguments)
     }
 
