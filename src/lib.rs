@@ -57,13 +57,13 @@
 //! | an engine, what the torques move | [`plant::engine::Engine`] | [`plant::engine`] | [`run_with`] |
 //! | an arm | [`model::arm::Arm`] | [`model::arm`] | in laws and responders, which are generic over it |
 //! | a task, what of the tip is controlled | [`model::task::Task`] | [`model::task`] | the same |
-//! | a bus | [`protocol::bus::Bus`] | [`protocol::bus`] | [`controller::serve::serve`] at one end, a [`PlantPort`] at the other |
+//! | a bus | [`protocol::bus::Bus`] | [`protocol::bus`] | [`controller::serve::serve()`] at one end, a [`PlantPort`] at the other |
 //!
 //! [`PlantPort`]: protocol::port::PlantPort
 //!
 //! # Over a bus, and between machines
 //!
-//! The ends of a loop on a bus are [`plant::plant::run`] and [`controller::serve::serve`]; the bus is
+//! The ends of a loop on a bus are [`plant::plant::run`] and [`controller::serve::serve()`]; the bus is
 //! [`protocol::transport::AnyBus`], as the scenario's table `bus` says: iceoryx2 on one machine,
 //! Zenoh between machines. The example `05_two_machines` is both ends in one page.
 //!

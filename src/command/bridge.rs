@@ -22,7 +22,7 @@ use crate::failure::Failure;
 /// How long a sample may lie before it is carried over.
 const PERIOD: Duration = Duration::from_millis(1);
 
-/// Carry what is said on one bus over to another: the loop stays on shared memory, monitors are elsewhere
+/// Forward a loop from one bus to another, and requests back: the loop on shared memory, monitors elsewhere
 #[derive(Args, Debug)]
 pub struct BridgeCommand {
     /// The bus the loop is on

@@ -31,14 +31,14 @@ pub struct Set {
     bus: JoinOptions,
 }
 
-/// Let a running loop stand still
+/// Pause a running loop: time and arm stand still
 #[derive(Args, Debug)]
 pub struct Pause {
     #[command(flatten)]
     bus: JoinOptions,
 }
 
-/// Let a loop that stands still go on
+/// Resume a paused loop
 #[derive(Args, Debug)]
 pub struct Resume {
     #[command(flatten)]
@@ -85,7 +85,7 @@ impl Pause {
 }
 
 impl Resume {
-    /// Lets the loop go on.
+    /// Resumes the loop.
     pub fn run(self) -> Result<(), Failure> {
         turn(&self.bus, &Request::Resume, |_| Ok(()))
     }

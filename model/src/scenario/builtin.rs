@@ -4,7 +4,7 @@ macro_rules! built_in_scenarios {
     ($($name:literal,)*) => {
         /// Names and texts of the built-in scenarios.
         pub const BUILT_IN: &[(&str, &str)] =
-            &[$(($name, include_str!(concat!("../../../scenarios/", $name, ".toml"))),)*];
+            &[$(($name, include_str!(concat!("../../scenarios/", $name, ".toml"))),)*];
     };
 }
 

@@ -7,7 +7,7 @@ use serde_json::Value;
 use zenoh::{Config, Error};
 
 /// A router's configuration, with rules for the sessions of all plants.
-const ROUTER: &str = include_str!("../../../deploy/router.json5");
+const ROUTER: &str = include_str!("../../router.json5");
 
 /// The `access_control` of a session's plant.
 pub(super) fn rules(session: &str) -> Result<String, Error> {

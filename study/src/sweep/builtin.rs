@@ -4,7 +4,7 @@ macro_rules! built_in_studies {
     ($($name:literal,)*) => {
         /// Names and texts of the built-in studies.
         pub const BUILT_IN: &[(&str, &str)] =
-            &[$(($name, include_str!(concat!("../../../studies/", $name, ".toml"))),)*];
+            &[$(($name, include_str!(concat!("../../studies/", $name, ".toml"))),)*];
     };
 }
 
