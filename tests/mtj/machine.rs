@@ -5,6 +5,8 @@ use std::{
     sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak},
 };
 
+use mtj_protocol::zenoh::threads;
+
 /// Who is on the machine.
 struct Occupied {
     beside: usize,
@@ -47,6 +49,8 @@ pub fn alone() -> Arc<Place> {
 }
 
 fn take(place: impl FnOnce() -> Place) -> Arc<Place> {
+    // Before any test opens a session of Zenoh: its TLS links are not safe on two threads.
+    threads::use_one_thread();
     PLACE.with_borrow_mut(|known| {
         known.upgrade().unwrap_or_else(|| {
             let taken = Arc::new(place());

@@ -235,8 +235,8 @@ fn a_recording_becomes_tables_with_the_same_numbers() {
     for unit in [
         "state,position_0,rad",
         "torque,echo_1,N",
-        "error,factor,",
-        "error,memory,N",
+        "error,factor_0,",
+        "error,memory_0,N",
         "state,time_ns,ns",
     ] {
         assert!(units.lines().any(|line| line == unit), "{unit} is not in {units}");

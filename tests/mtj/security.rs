@@ -8,7 +8,6 @@ use std::{
 
 use crate::intruder::{Intruder, Papers, Say, connect};
 use crate::session::{Running, Session, eventually, free_port};
-use mtj_protocol::zenoh::threads;
 use rcgen::{CertificateParams, DistinguishedName, DnType, Issuer, KeyPair};
 use time::{Duration, OffsetDateTime};
 use zenoh::{Config, Wait};
@@ -247,7 +246,6 @@ fn a_router_keeps_the_same_rules() {
     });
     let mut config = Config::from_json5(&text).unwrap();
     config.insert_json5("listen/endpoints", &format!("[{:?}]", secured.endpoint)).unwrap();
-    threads::use_one_thread();
     let router = zenoh::open(config).wait().unwrap();
     let plant = |secured: &Secured| {
         let listen = format!("tls/127.0.0.1:{}", free_port());

@@ -93,6 +93,8 @@ impl Session {
             .args(arguments)
             .current_dir(&self.directory)
             .env_remove("RUST_BACKTRACE")
+            // The threads of this test's Zenoh are not those of the product.
+            .env_remove("ZENOH_RUNTIME")
             .stdin(Stdio::null())
             .stdout(File::create(&out).unwrap())
             .stderr(File::create(&err).unwrap())
