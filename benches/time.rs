@@ -1,5 +1,5 @@
-//! Nanoseconds of each law, measured by criterion. A step takes no longer than a call through a pointer or
-//! two, so it is inlined into criterion's loop.
+//! Nanoseconds of each law, measured by criterion. A step takes no longer than a call through a
+//! pointer or two, so it is inlined into criterion's loop.
 
 use std::time::Duration;
 

@@ -1,5 +1,5 @@
-//! A law of your own beside the built-in ones: a spring that never pulls harder than a bound, eq. (7) with
-//! saturation, for an arm whose motors are weak.
+//! A law of your own beside the built-in ones: a spring that never pulls harder than a bound, eq.
+//! (7) with saturation, for an arm whose motors are weak.
 //!
 //! `cargo run --release --example 03_own_law`
 

@@ -1,4 +1,5 @@
-//! An engine of your own: the built-in arm with viscous friction in its joints, which no law's model knows.
+//! An engine of your own: the built-in arm with viscous friction in its joints, which no law's
+//! model knows.
 //!
 //! An engine that wraps another and adds something is the shortest way to a more difficult plant.
 //!

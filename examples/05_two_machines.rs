@@ -1,4 +1,5 @@
-//! Plant and controller in two processes, over Zenoh; on two machines if each is given the plant's address.
+//! Plant and controller in two processes, over Zenoh; on two machines if each is given the plant's
+//! address.
 //!
 //! ```text
 //! cargo run --release --example 05_two_machines                                   # both, on loopback
@@ -42,7 +43,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// The plant listens, offers its scenario, and waits for a controller. Its clock starts with the first answer.
+/// The plant listens, offers its scenario, and waits for a controller. Its clock starts with the
+/// first answer.
 fn plant(endpoint: &str) -> Result<(), Box<dyn Error>> {
     let scenario = Scenario::load(
         "sampled/mtj",
@@ -64,7 +66,8 @@ fn plant(endpoint: &str) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The controller needs to know only where the plant is: it fetches the scenario, and with it its law.
+/// The controller needs to know only where the plant is: it fetches the scenario, and with it its
+/// law.
 fn controller(endpoint: &str) -> Result<(), Box<dyn Error>> {
     let mut table = toml::Table::new();
     table.insert("kind".to_owned(), "zenoh".into());

@@ -1,4 +1,5 @@
-//! A study: the rms error over sample period and latency for two laws, as a table, a map and a page.
+//! A study: the rms error over sample period and latency for two laws, as a table, a map and a
+//! page.
 //!
 //! `cargo run --release --example 06_study [FOLDER]`
 

@@ -130,7 +130,8 @@ impl Authority {
         Ok(Self { directory: directory.to_owned(), issuer: Issuer::new(params, pair) })
     }
 
-    /// Makes a key and certifies it for some days; for a server at loopback and these hosts if any are given.
+    /// Makes a key and certifies it for some days; for a server at loopback and these hosts if any
+    /// are given.
     pub fn certify(
         &self,
         name: &str,
@@ -156,7 +157,8 @@ impl Authority {
     }
 }
 
-/// Writes a file anew, under its name only when it is whole, readable as `mode` says from the start.
+/// Writes a file anew, under its name only when it is whole, readable as `mode` says from the
+/// start.
 fn write(directory: &Path, path: &Path, text: &str, mode: u32) -> Result<(), CertificateError> {
     let draft = path.with_extension("draft");
     let put = || {

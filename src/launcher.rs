@@ -99,7 +99,8 @@ impl Launch {
         Ok(self)
     }
 
-    /// Starts the roles, waits for the plant to end, ends the others, and returns the plant's report.
+    /// Starts the roles, waits for the plant to end, ends the others, and returns the plant's
+    /// report.
     pub async fn run(&self, scenario: &Scenario) -> Result<Report, LaunchError> {
         let mut plant = self.spawn("plant", &self.plant_arguments(), Stdio::piped())?;
         let mut monitor = match &self.monitor {
@@ -183,7 +184,8 @@ impl Launch {
         Ok(RoleProcess { process, leash })
     }
 
-    /// Starts a monitor and waits until it listens, as long as it and the plant live, for a bounded time.
+    /// Starts a monitor and waits until it listens, as long as it and the plant live, for a bounded
+    /// time.
     async fn spawn_monitor(
         &self,
         show: &Show,
@@ -264,8 +266,8 @@ async fn pass_on(stderr: ChildStderr, listens: oneshot::Sender<()>) {
     }
 }
 
-/// When this program alone is asked to stop, as by a service manager: from a terminal, the roles are
-/// asked too.
+/// When this program alone is asked to stop, as by a service manager: from a terminal, the roles
+/// are asked too.
 async fn asked_to_stop() {
     while Shutdown.proceed() {
         sleep(Duration::from_millis(50)).await;

@@ -8,8 +8,8 @@
 //!
 //! # A first loop
 //!
-//! A [`Scenario`] is one experiment as data: arm, desired motion, law, links, clock. It is a built-in
-//! name or a TOML file, with any key changed. [`run`] runs it in this process:
+//! A [`Scenario`] is one experiment as data: arm, desired motion, law, links, clock. It is a
+//! built-in name or a TOML file, with any key changed. [`run`] runs it in this process:
 //!
 //! ```
 //! use mtj::{Scenario, run};
@@ -23,8 +23,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! In `lockstep` time is virtual, and one scenario gives one trajectory bit for bit, on every bus. In
-//! `realtime` samples are taken on deadlines, and answers arrive when they arrive.
+//! In `lockstep` time is virtual, and one scenario gives one trajectory bit for bit, on every bus.
+//! In `realtime` samples are taken on deadlines, and answers arrive when they arrive.
 //!
 //! # Memories
 //!
@@ -63,15 +63,15 @@
 //!
 //! # Over a bus, and between machines
 //!
-//! The ends of a loop on a bus are [`plant::plant::run`] and [`controller::serve::serve()`]; the bus is
-//! [`protocol::transport::AnyBus`], as the scenario's table `bus` says: iceoryx2 on one machine,
-//! Zenoh between machines. The example `05_two_machines` is both ends in one page.
+//! The ends of a loop on a bus are [`plant::plant::run`] and [`controller::serve::serve()`]; the
+//! bus is [`protocol::transport::AnyBus`], as the scenario's table `bus` says: iceoryx2 on one
+//! machine, Zenoh between machines. The example `05_two_machines` is both ends in one page.
 //!
 //! # Studies
 //!
-//! A [`Plan`] is a scenario and axes; [`study::sweep`] computes its points side by side in the lanes
-//! of the processor's vectors, [`study::report`] draws the results. [`study::predict`] says how much
-//! latency a loop should stand, [`study::tune`] proposes gains.
+//! A [`Plan`] is a scenario and axes; [`study::sweep`] computes its points side by side in the
+//! lanes of the processor's vectors, [`study::report`] draws the results. [`study::predict`] says
+//! how much latency a loop should stand, [`study::tune`] proposes gains.
 //!
 //! # Examples
 //!
@@ -111,8 +111,8 @@ pub use mtj_plant::{
 };
 pub use mtj_study::{StudyError, sweep::plan::Plan};
 
-/// Runs a scenario in this process, with a trace: by plain calls in lockstep, in two threads over the
-/// local bus in real time.
+/// Runs a scenario in this process, with a trace: by plain calls in lockstep, in two threads over
+/// the local bus in real time.
 ///
 /// # Errors
 ///
@@ -127,7 +127,8 @@ fn here(scenario: &Scenario) -> Result<Scenario, ScenarioError> {
     Scenario::parse(&scenario.name, scenario.text(), &[local])
 }
 
-/// Runs a scenario in lockstep in this process, with a trace, with a controller or an engine of your own.
+/// Runs a scenario in lockstep in this process, with a trace, with a controller or an engine of
+/// your own.
 ///
 /// [`Controller::new`] and [`engine`] are those that the scenario names.
 ///

@@ -48,8 +48,8 @@ impl Session {
         &self.scenario
     }
 
-    /// Runs a scenario on this bus; `None` if asked to stop. A controller that gave up at an earlier
-    /// scenario is replaced.
+    /// Runs a scenario on this bus; `None` if asked to stop. A controller that gave up at an
+    /// earlier scenario is replaced.
     pub fn run(
         &mut self,
         scenario: &Scenario,

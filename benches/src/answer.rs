@@ -16,8 +16,8 @@ pub const AXES: usize = 2;
 /// A power of two, so that it costs nothing to start again.
 const STATES: usize = 64;
 
-/// One call of [`Controller::respond`] and one of [`Controller::preprocess`] a step, over and over the same stretch of a
-/// motion.
+/// One call of [`Controller::respond`] and one of [`Controller::preprocess`] a step, over and over
+/// the same stretch of a motion.
 pub fn measure(links: usize, law: Law, memory: &str, prediction: bool, meter: &mut impl Meter) {
     let mut controller = Controller::new(&scenario(links, law, memory, prediction));
     let states: [StateSample; STATES] = std::array::from_fn(|k| state(links, k));
@@ -33,8 +33,8 @@ pub fn measure(links: usize, law: Law, memory: &str, prediction: bool, meter: &m
     });
 }
 
-/// The task of Fig. 4 for an arm of some links that is two metres long. The thresholds are so large that
-/// all of mtj's arithmetic is done for every state.
+/// The task of Fig. 4 for an arm of some links that is two metres long. The thresholds are so large
+/// that all of mtj's arithmetic is done for every state.
 fn scenario(links: usize, law: Law, memory: &str, prediction: bool) -> Scenario {
     let length = 2.0 / links as f64;
     let link = format!(

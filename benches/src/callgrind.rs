@@ -1,9 +1,10 @@
 //! Instructions, counted by valgrind's callgrind.
 //!
 //! A program starts itself once more under callgrind, which counts only inside `collected` and
-//! writes what it counted whenever that function returns: a file a case, in the order of the cases. So one run
-//! serves all cases, and nothing of the start or of a case's preparation is in a count. The counts are the
-//! same in every run on one machine; another processor may take another path through sine and exponential.
+//! writes what it counted whenever that function returns: a file a case, in the order of the cases.
+//! So one run serves all cases, and nothing of the start or of a case's preparation is in a count.
+//! The counts are the same in every run on one machine; another processor may take another path
+//! through sine and exponential.
 
 use std::{
     env, fs, io,
@@ -17,8 +18,8 @@ use crate::{case::Case, meter::Meter};
 /// Steps that are counted for each case: twice over all states of a loop.
 const STEPS: u32 = 128;
 
-/// Instructions of one step of each case. `program` is started under callgrind with `arguments` and must
-/// then call [`run`] with the same cases.
+/// Instructions of one step of each case. `program` is started under callgrind with `arguments` and
+/// must then call [`run`] with the same cases.
 pub fn count(program: &Path, arguments: &[&str], cases: &[Case]) -> io::Result<Vec<f64>> {
     let folder = Folder::new()?;
     let out = folder.0.join("out");

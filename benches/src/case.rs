@@ -7,7 +7,8 @@ use crate::{answer, law::Law, meter::Meter, step};
 /// The numbers of links that are measured.
 pub const LINKS: std::ops::RangeInclusive<usize> = 2..=7;
 
-/// How often each time is measured, with all others in between: a machine is slow for seconds at a stretch.
+/// How often each time is measured, with all others in between: a machine is slow for seconds at a
+/// stretch.
 pub const PASSES: usize = 3;
 
 /// One law in one setting.
@@ -31,7 +32,8 @@ pub enum Setting {
         /// Whether the law aims at the instant its torque takes effect.
         prediction: bool,
     },
-    /// The paper's: as many task axes as joints, full matrices, and the error, J, J⁻¹, H, C and J̇ q̇ given.
+    /// The paper's: as many task axes as joints, full matrices, and the error, J, J⁻¹, H, C and J̇
+    /// q̇ given.
     Paper,
 }
 
@@ -64,8 +66,8 @@ impl fmt::Display for Case {
 }
 
 impl Case {
-    /// Whether there is such a law: mb inverts the Jacobian, which in the plane is square only for two links,
-    /// and the paper has no tdc.
+    /// Whether there is such a law: mb inverts the Jacobian, which in the plane is square only for
+    /// two links, and the paper has no tdc.
     pub fn exists(&self) -> bool {
         match (self.setting, self.law) {
             (Setting::Paper, law) => law != Law::Tdc,

@@ -1,8 +1,8 @@
 //! Counts the instructions of every case and prints them, beside the nanoseconds that criterion has
 //! measured if `CRITERION_HOME` says where: `benches/run` does both.
 //!
-//! `arithmetic --steps` is what callgrind runs; followed by a case's name (`loop, sent: 2 links, tj`) it runs
-//! this case alone, for a profile.
+//! `arithmetic --steps` is what callgrind runs; followed by a case's name (`loop, sent: 2 links,
+//! tj`) it runs this case alone, for a profile.
 
 use std::{
     env,

@@ -1,5 +1,5 @@
-//! A law alone, as the paper counts it: N = M, all matrices full, and everything that follows from the
-//! arm's configuration given. A step is the law's task force and then τ = Jᵀ Q̂.
+//! A law alone, as the paper counts it: N = M, all matrices full, and everything that follows from
+//! the arm's configuration given. A step is the law's task force and then τ = Jᵀ Q̂.
 
 use std::hint::black_box;
 

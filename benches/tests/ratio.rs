@@ -31,9 +31,11 @@ fn an_answer_of_mtj_costs_at_most_fifteen_percent_more_instructions_than_one_of_
     }
 }
 
-/// Instructions of an answer of tj for two to seven links as they were recorded, on x86-64 with glibc 2.36.
+/// Instructions of an answer of tj for two to seven links as they were recorded, on x86-64 with
+/// glibc 2.36.
 const RECORDED: [f64; 6] = [902.0, 1039.0, 1187.0, 1340.0, 1504.0, 1627.0];
-/// What another compiler, C library or processor may make of it. A regression is a copy or a sine too many.
+/// What another compiler, C library or processor may make of it. A regression is a copy or a sine
+/// too many.
 const ALLOWANCE: f64 = 1.25;
 
 #[test]

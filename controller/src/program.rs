@@ -23,7 +23,8 @@ pub struct ControllerOptions {
     /// Where the plant is.
     #[command(flatten)]
     pub bus: JoinOptions,
-    /// How the loop waits, if not as the scenario says: spin (needs a core of its own), hybrid or block
+    /// How the loop waits, if not as the scenario says: spin (needs a core of its own), hybrid or
+    /// block
     #[arg(long, value_name = "MODE")]
     pub wait: Option<String>,
     /// How it runs.

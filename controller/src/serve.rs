@@ -53,8 +53,8 @@ pub fn serve(
     serve_with(bus, member, wait, proceed, &|scenario| Ok(Controller::new(scenario)))
 }
 
-/// Serves as [`serve`] does, with the controller that `make` makes of each scenario, like one with a
-/// law of its own.
+/// Serves as [`serve`] does, with the controller that `make` makes of each scenario, like one with
+/// a law of its own.
 pub fn serve_with(
     bus: &impl Bus,
     member: &Member,

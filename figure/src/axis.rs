@@ -43,8 +43,8 @@ pub(crate) fn linear(
     Vec::new()
 }
 
-/// Ticks at 1, 2 and 5 × 10ⁿ, or at powers of ten only, as their labels have room; at multiples of a
-/// step where there is less than a decade.
+/// Ticks at 1, 2 and 5 × 10ⁿ, or at powers of ten only, as their labels have room; at multiples of
+/// a step where there is less than a decade.
 pub(crate) fn logarithmic(
     range: &Range<f64>,
     place: impl Fn(f64) -> Option<f64>,

@@ -12,7 +12,8 @@ use mtj_monitor::web::{SessionInfo, WebDashboard, WebOptions};
 /// How long the server may take to end a connection that its client has ended.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Whatever a browser sends, the server answers or ends the connection, and is there for the next one.
+/// Whatever a browser sends, the server answers or ends the connection, and is there for the next
+/// one.
 pub fn dashboard(data: &[u8]) {
     let Ok(mut browser) = TcpStream::connect(server().address) else {
         panic!("the server takes no connections any more");

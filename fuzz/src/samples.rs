@@ -11,7 +11,8 @@ use mtj_protocol::{
 
 use crate::scenario;
 
-/// What decodes encodes to the same bytes, and what passes the filter is finite and within its counts.
+/// What decodes encodes to the same bytes, and what passes the filter is finite and within its
+/// counts.
 pub fn samples(data: &[u8]) {
     sample::<StateSample>(data);
     sample::<TorqueSample>(data);

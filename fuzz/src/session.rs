@@ -21,8 +21,9 @@ use mtj_protocol::{
     sample::{Sample, VERSION},
 };
 
-/// Whatever is said in a session, every display can show it. A message is a byte that chooses the topic and
-/// the bytes of the sample, with the version filled in; what is missing of the last one is zero.
+/// Whatever is said in a session, every display can show it. A message is a byte that chooses the
+/// topic and the bytes of the sample, with the version filled in; what is missing of the last one
+/// is zero.
 pub fn session(data: &[u8]) {
     let mut overview = Overview::default();
     let mut timeline = Timeline::default();
@@ -77,8 +78,8 @@ fn scenario(bytes: &[u8]) -> (Option<Message>, usize) {
     (offered.map(Message::Scenario), 9)
 }
 
-/// A recording is read to its end, or refused in words; what was read from it is written and read the same.
-/// Bytes that do not begin as MCAP does are a topic and its JSON.
+/// A recording is read to its end, or refused in words; what was read from it is written and read
+/// the same. Bytes that do not begin as MCAP does are a topic and its JSON.
 pub fn recording(data: &[u8]) {
     if !data.starts_with(b"\x89MCAP") {
         let Some((topic, json)) = data.split_first() else { return };
@@ -98,9 +99,7 @@ fn same_in_json(message: &Message) {
     let (mut json, mut again) = (Vec::new(), Vec::new());
     let read = write_json(&mut json, message)
         .map_err(|error| error.to_string())
-        .and_then(|()| {
-            read_json(Topic::of(message), &json).map_err(|error| error.to_string())
-        });
+        .and_then(|()| read_json(Topic::of(message), &json).map_err(|error| error.to_string()));
     match read.map(|read| write_json(&mut again, &read)) {
         Ok(Ok(())) => assert_eq!(json, again),
         other => panic!("{message:?} is not read back: {other:?}"),

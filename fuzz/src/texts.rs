@@ -20,8 +20,8 @@ use mtj_study::sweep::plan::Plan;
 
 use crate::session::with_file;
 
-/// A scenario that is accepted prints and parses to itself, and can be run; so can one that is changed. Lines
-/// behind the first zero byte are what is set in it.
+/// A scenario that is accepted prints and parses to itself, and can be run; so can one that is
+/// changed. Lines behind the first zero byte are what is set in it.
 pub fn scenario(data: &[u8]) {
     let Some((text, sets)) = with_sets(data) else { return };
     if let Ok(scenario) = Scenario::parse("fuzz", text, &sets) {
@@ -71,7 +71,9 @@ fn run_briefly(scenario: &Scenario) {
         Ok(outcome) => {
             assert!(outcome.trace.len() <= 10);
             for row in outcome.trace {
-                for (torque, limit) in row.torque.iter().zip(scenario.safety.torque_limit.iter().flatten()) {
+                for (torque, limit) in
+                    row.torque.iter().zip(scenario.safety.torque_limit.iter().flatten())
+                {
                     assert!(torque.abs() <= *limit, "{torque} N m is over the limit of {limit}");
                 }
             }
@@ -82,8 +84,8 @@ fn run_briefly(scenario: &Scenario) {
     }
 }
 
-/// A study that is accepted has a bounded number of points, each of which can be named. Lines behind the first
-/// zero byte are what is set in it.
+/// A study that is accepted has a bounded number of points, each of which can be named. Lines
+/// behind the first zero byte are what is set in it.
 pub fn study(data: &[u8]) {
     let Some((text, sets)) = with_sets(data) else { return };
     let Ok(plan) = Plan::parse("fuzz", text, &sets) else { return };
@@ -136,7 +138,8 @@ fn latencies(csv: &[u8]) {
     });
 }
 
-/// A knob that a dashboard lets pass goes to the plant as a request, and the plant understands what was meant.
+/// A knob that a dashboard lets pass goes to the plant as a request, and the plant understands what
+/// was meant.
 pub fn knob(data: &[u8]) {
     let Ok(knob) = serde_json::from_slice::<Request>(data) else { return };
     if knob.check().is_err() {

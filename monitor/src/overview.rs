@@ -143,7 +143,8 @@ impl Overview {
         };
     }
 
-    /// Notes the run's first message: if it is not of the start, this monitor may have missed changes.
+    /// Notes the run's first message: if it is not of the start, this monitor may have missed
+    /// changes.
     fn note_first(&mut self, header: &Header) {
         let is_first = self.state.is_none() && self.status.is_none();
         if is_first && !self.saw_previous_run && header.time_ns > 0 {

@@ -41,7 +41,8 @@ fn connect(port: u16) -> WebSocket<TcpStream> {
     client
 }
 
-/// The next frame for which there is something to say, for a bounded time; meanwhile the server goes on.
+/// The next frame for which there is something to say, for a bounded time; meanwhile the server
+/// goes on.
 #[track_caller]
 fn until<T>(
     client: &mut WebSocket<TcpStream>,

@@ -22,7 +22,8 @@ pub struct SessionOptions {
     /// Zenoh over TLS or QUIC with the certificates in this directory ('mtj certs' makes them)
     #[arg(long, value_name = "DIR")]
     pub certs: Option<PathBuf>,
-    /// Certificate to show, if not the role's own: a monitor with the operator's may change the loop
+    /// Certificate to show, if not the role's own: a monitor with the operator's may change the
+    /// loop
     #[arg(long, value_name = "NAME")]
     pub identity: Option<String>,
     /// Zenoh: listen beyond this machine without certificates, so that any process can move the arm

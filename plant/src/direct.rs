@@ -9,8 +9,8 @@ use mtj_protocol::{
     sample::{StateSample, StatusSample, TorqueSample},
 };
 
-/// Calls a function for each state and hands its result back as the answer, through the same admission
-/// as any other torque.
+/// Calls a function for each state and hands its result back as the answer, through the same
+/// admission as any other torque.
 pub struct Direct<F> {
     respond: F,
     filter: AdmissionFilter,

@@ -22,7 +22,8 @@ use crate::failure::Failure;
 /// How long a sample may lie before it is carried over.
 const PERIOD: Duration = Duration::from_millis(1);
 
-/// Forward a loop from one bus to another, and requests back: the loop on shared memory, monitors elsewhere
+/// Forward a loop from one bus to another, and requests back: the loop on shared memory, monitors
+/// elsewhere
 #[derive(Args, Debug)]
 pub struct BridgeCommand {
     /// The bus the loop is on
@@ -44,7 +45,8 @@ impl BridgeCommand {
         let (from, to) = self.sides()?;
         let shutdown = Shutdown::on_signals();
         let proceed = || shutdown.proceed();
-        // Those beyond connect to the bridge as they do to a plant; here it listens, and hands in requests.
+        // Those beyond connect to the bridge as they do to a plant; here it listens, and hands in
+        // requests.
         let role = if self.read_only { Role::Monitor } else { Role::Operator };
         let Some(far) = AnyBus::open_for_bridge(&to, &proceed)? else { return Ok(()) };
         let Some(near) = AnyBus::open(&from, role, &proceed)? else { return Ok(()) };

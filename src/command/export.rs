@@ -186,8 +186,8 @@ impl Column {
         }
     }
 
-    /// As many cells as the longest list has numbers, or one; those past the end of a list are empty.
-    /// Numbers have the shortest digits that mean the same.
+    /// As many cells as the longest list has numbers, or one; those past the end of a list are
+    /// empty. Numbers have the shortest digits that mean the same.
     fn cells(&self, list: &[f64]) -> Vec<String> {
         let mut cells: Vec<_> = list.iter().map(|number| format!("{number:?}")).collect();
         cells.resize(self.numbers.unwrap_or(1), String::new());

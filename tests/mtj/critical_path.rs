@@ -1,9 +1,9 @@
-//! Nothing is allocated, and the system is not called, from the moment that a state is visible until its torque
-//! is, on either end of a loop that spins on shared memory.
+//! Nothing is allocated, and the system is not called, from the moment that a state is visible
+//! until its torque is, on either end of a loop that spins on shared memory.
 //!
-//! The loop is the product's own, `serve` and `plant::run`, on threads of this process. A bus that is like any
-//! other tells when a sample becomes visible; from then on the thread's allocations are counted, and the kernel
-//! hands its system calls to us instead of carrying them out.
+//! The loop is the product's own, `serve` and `plant::run`, on threads of this process. A bus that
+//! is like any other tells when a sample becomes visible; from then on the thread's allocations are
+//! counted, and the kernel hands its system calls to us instead of carrying them out.
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},
@@ -33,7 +33,8 @@ const SETTLED: u64 = 200;
 const SAMPLES: u64 = 2000;
 
 thread_local! {
-    /// What the kernel looks at before it carries out a system call: 0, let it pass; 1, hand it to us.
+    /// What the kernel looks at before it carries out a system call: 0, let it pass; 1, hand it to
+    /// us.
     static SELECTOR: UnsafeCell<u8> = const { UnsafeCell::new(0) };
     static IS_CRITICAL: Cell<bool> = const { Cell::new(false) };
 }
@@ -82,8 +83,8 @@ extern "C" fn note_system_call(_signal: libc::c_int) {
 fn hand_over_system_calls() {
     const PR_SET_SYSCALL_USER_DISPATCH: libc::c_int = 59;
     const PR_SYS_DISPATCH_ON: libc::c_ulong = 1;
-    // SAFETY: the handler touches nothing but two thread-local bytes and an atomic; the selector lives as long
-    // as the thread.
+    // SAFETY: the handler touches nothing but two thread-local bytes and an atomic; the selector
+    // lives as long as the thread.
     unsafe {
         let handler: extern "C" fn(libc::c_int) = note_system_call;
         assert_ne!(libc::signal(libc::SIGSYS, handler as libc::sighandler_t), libc::SIG_ERR);

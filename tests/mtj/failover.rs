@@ -1,6 +1,8 @@
-//! Controllers that die in mid-run, and others that stand by: the plant never goes without for long.
+//! Controllers that die in mid-run, and others that stand by: the plant never goes without for
+//! long.
 //!
-//! `MTJ_KILLS` is how many die in one run, 10 unless set. `-- --nocapture` prints what each run showed.
+//! `MTJ_KILLS` is how many die in one run, 10 unless set. `-- --nocapture` prints what each run
+//! showed.
 
 use std::{env, thread, time::Duration};
 
@@ -40,7 +42,8 @@ fn plant(session: &Session) -> Running {
     )
 }
 
-/// A role with deadlines of some milliseconds needs a priority by which nothing else keeps it from them.
+/// A role with deadlines of some milliseconds needs a priority by which nothing else keeps it from
+/// them.
 fn in_real_time(session: &Session, priority: u32, arguments: &str) -> Running {
     session.start(&format!("{arguments} --priority {priority}"))
 }
@@ -51,8 +54,8 @@ fn report_of(mut plant: Running) -> Value {
     serde_json::from_str(&plant.stdout()).unwrap()
 }
 
-/// Whether the machine gave the processes their time: what it withheld, no program can make good. The run without
-/// kills, just before, is the peer that shows it.
+/// Whether the machine gave the processes their time: what it withheld, no program can make good.
+/// The run without kills, just before, is the peer that shows it.
 fn kept_up(report: &Value, undisturbed: &Value) -> bool {
     let commands = &undisturbed["commands"];
     report["deadline_misses"] == 0 && commands["late"] == 0 && commands["lost"] == 0

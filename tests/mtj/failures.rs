@@ -1,5 +1,5 @@
-//! Each way to fail that docs/failures.md promises something about, and is not told elsewhere: the arm
-//! gets safe in time, and the loop goes on by itself, with nothing remembered from before.
+//! Each way to fail that docs/failures.md promises something about, and is not told elsewhere: the
+//! arm gets safe in time, and the loop goes on by itself, with nothing remembered from before.
 
 use std::{
     fs, thread,
@@ -56,8 +56,8 @@ fn assert_within_limits(session: &Session) {
 struct Outage {
     /// Last command's sampling instant to the first that found the arm safe, ns.
     until_safe_ns: u64,
-    /// The regulating factor of the first command after it; None if nobody heard what the law said of that one:
-    /// what somebody says who has just come may be lost on its way to a monitor.
+    /// The regulating factor of the first command after it; None if nobody heard what the law said
+    /// of that one: what somebody says who has just come may be lost on its way to a monitor.
     first_factor: Option<[f64; 2]>,
     /// The largest one of the two hundred after that.
     later_factor: f64,
@@ -107,8 +107,8 @@ fn live_through(observer: &mut Observer, end: impl FnOnce()) -> Outage {
 impl Outage {
     /// Returns whether all of it was seen.
     fn assert_safe_in_time_and_resumed_afresh(&self) -> bool {
-        // The timeout counts from when the last command was applied, and states tell of it at the next
-        // sampling instant.
+        // The timeout counts from when the last command was applied, and states tell of it at the
+        // next sampling instant.
         let most = TIMEOUT_NS + 3 * SAMPLE_PERIOD_NS;
         assert!(self.until_safe_ns >= TIMEOUT_NS, "{} ns: too early", self.until_safe_ns);
         assert!(self.until_safe_ns <= most, "{} ns until the arm was safe", self.until_safe_ns);
@@ -189,7 +189,8 @@ fn a_controller_that_was_stopped_stands_by_for_the_one_that_took_over() {
         leaders.dedup();
         // What the first one had under way when it was stopped may have come after it went on.
         assert!(leaders.len() <= 4 && leaders[0] != *leaders.last().unwrap(), "{leaders:?}");
-        // When it goes on it gets the states of its last lease, and answers at most those: all are refused.
+        // When it goes on it gets the states of its last lease, and answers at most those: all are
+        // refused.
         let first = leaders[0];
         let is_asked = |sequence| {
             let mut asked = observer.states.iter().filter(|state| state.leader == first);

@@ -1,8 +1,8 @@
-//! A bus that somebody else writes to as well: rubbish, forgeries and leftovers, many times as many as the loop's
-//! own samples. Nothing of it moves the arm.
+//! A bus that somebody else writes to as well: rubbish, forgeries and leftovers, many times as many
+//! as the loop's own samples. Nothing of it moves the arm.
 //!
-//! Every forgery is wrong in at least one field that says whose it is. What is right in all of them cannot be told
-//! from the genuine without authentication.
+//! Every forgery is wrong in at least one field that says whose it is. What is right in all of them
+//! cannot be told from the genuine without authentication.
 
 use std::{
     fs,
@@ -30,7 +30,8 @@ fn messages() -> u64 {
 /// Starts an attack on the session, over its bus.
 type Begin = fn(&str, &str) -> Attack;
 
-/// A session of a plant with a controller, attacked if so wanted; what it reported, and the messages that were sent.
+/// A session of a plant with a controller, attacked if so wanted; what it reported, and the
+/// messages that were sent.
 fn run(bus: &str, plant: &str, attack: Option<Begin>) -> (Session, Value, u64) {
     let session = Session::on("local");
     let endpoint = format!("tcp/127.0.0.1:{}", free_port());

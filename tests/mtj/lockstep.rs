@@ -111,7 +111,8 @@ const fn exactly(error: f64) -> Known {
     Within(0.01, error)
 }
 
-/// The columns of the README's table: settings, and the rms error at latencies of 0, 1, 5 and 20 ms.
+/// The columns of the README's table: settings, and the rms error at latencies of 0, 1, 5 and 20
+/// ms.
 fn known() -> Vec<(&'static str, Vec<&'static str>, [Known; 4])> {
     let limit_cycles = [is(1.430e-3), is(1.376e-2), About(1.46e-1), About(1.8)];
     vec![

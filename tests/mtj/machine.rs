@@ -1,4 +1,5 @@
-//! Which tests share the machine: most run beside each other; those that measure time have it alone.
+//! Which tests share the machine: most run beside each other; those that measure time have it
+//! alone.
 
 use std::{
     cell::RefCell,

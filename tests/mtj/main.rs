@@ -1,4 +1,5 @@
-//! `mtj` as its users have it: the program itself, in processes that come, go and die, on buses and machines.
+//! `mtj` as its users have it: the program itself, in processes that come, go and die, on buses and
+//! machines.
 //!
 //! One binary of modules: `cargo test --release --test mtj failover` runs those of one file.
 

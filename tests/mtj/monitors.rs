@@ -1,7 +1,9 @@
-//! What it does to a loop that it is watched: by a dashboard in a browser, one in a terminal, and a recorder.
+//! What it does to a loop that it is watched: by a dashboard in a browser, one in a terminal, and a
+//! recorder.
 //!
-//! Prints the loop's round trips without and with them, in turns. `MTJ_ROUNDS` is how often each has its turn, once
-//! unless set; `MTJ_SECONDS` how long a turn is, 2 unless set; `MTJ_LOOP` the options of the loop.
+//! Prints the loop's round trips without and with them, in turns. `MTJ_ROUNDS` is how often each
+//! has its turn, once unless set; `MTJ_SECONDS` how long a turn is, 2 unless set; `MTJ_LOOP` the
+//! options of the loop.
 
 use std::{
     collections::BTreeSet,

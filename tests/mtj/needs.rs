@@ -1,5 +1,5 @@
-//! What a test needs besides a Rust toolchain. `tests/run` installs it, and there its lack is a failure; under a
-//! plain `cargo test` the test is left out, and says so.
+//! What a test needs besides a Rust toolchain. `tests/run` installs it, and there its lack is a
+//! failure; under a plain `cargo test` the test is left out, and says so.
 
 use std::{
     env, fs,

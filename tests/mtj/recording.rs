@@ -1,5 +1,5 @@
-//! What is said in a session is in its recording, for anybody to read and for a controller to answer
-//! once more.
+//! What is said in a session is in its recording, for anybody to read and for a controller to
+//! answer once more.
 
 use std::{
     env, fs,

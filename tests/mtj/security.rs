@@ -80,7 +80,8 @@ impl Secured {
         connect(&self.endpoint, &Papers { authority: &self.path("pki/ca.pem"), own: Some(own) })
     }
 
-    /// Runs the loop while `intruder` does what it can; fails unless the arm moves as if it were not there.
+    /// Runs the loop while `intruder` does what it can; fails unless the arm moves as if it were
+    /// not there.
     fn assert_unmoved_by(&self, intruder: Intruder, mut plant: Running) {
         let undisturbed = self.undisturbed();
         assert!(!plant.has_ended(), "{}", plant.stderr());
@@ -91,7 +92,8 @@ impl Secured {
         assert!(status.success(), "{}", plant.stderr());
         assert!(self.trace() == undisturbed, "the trajectory is another one; {heard:?}");
         let report: serde_json::Value = serde_json::from_str(&plant.stdout()).unwrap();
-        // Over a slow way the controller answers a first state twice that was repeated; the intruder answers thousands.
+        // Over a slow way the controller answers a first state twice that was repeated; the
+        // intruder answers thousands.
         let rejected = report["commands"]["rejected"].as_u64().unwrap();
         assert!(rejected < 20, "its torques have come as far as the gate: {rejected}");
         assert!(heard.states > 1000 && heard.statuses > 0, "it may read: {heard:?}");
@@ -215,7 +217,8 @@ fn a_process_without_a_valid_certificate_is_not_connected() {
     }
 }
 
-/// Has the authority in a directory certify a controller from two days ago until some time from now.
+/// Has the authority in a directory certify a controller from two days ago until some time from
+/// now.
 fn issue(directory: &Path, file: &str, until: Duration) {
     let named = |name: &str| {
         let mut params = CertificateParams::default();
@@ -258,7 +261,8 @@ fn a_router_keeps_the_same_rules() {
     let running = plant(&secured);
     let intruder = Intruder::begin(secured.connect("monitor"), &secured.session.name, &ALL);
     secured.assert_unmoved_by(intruder, running);
-    // A plant does not take a router's word for everything either: its own session is the only one there.
+    // A plant does not take a router's word for everything either: its own session is the only one
+    // there.
     secured.session.name += "-another";
     let running = plant(&secured);
     let intruder = Intruder::begin(secured.connect("operator"), &secured.session.name, &ALL[2..]);

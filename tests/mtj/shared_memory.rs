@@ -1,4 +1,5 @@
-//! Shared memory: who may see it, what stays of the dead, and what happens where there is none left.
+//! Shared memory: who may see it, what stays of the dead, and what happens where there is none
+//! left.
 
 use std::{
     collections::BTreeSet,
@@ -18,7 +19,8 @@ fn begin(session: &Session) -> [Running; 3] {
     roles
 }
 
-/// Whether nobody but the owner can have to do with it: by its mode, or by that of a directory above.
+/// Whether nobody but the owner can have to do with it: by its mode, or by that of a directory
+/// above.
 fn is_private(path: &Path) -> bool {
     path.ancestors().take_while(|path| *path != Path::new("/dev/shm")).any(|path| {
         let Ok(found) = fs::symlink_metadata(path) else { return true };

@@ -1,4 +1,5 @@
-//! Roles that are killed hundreds of times, at any moment of their lives, and what is left of them: nothing.
+//! Roles that are killed hundreds of times, at any moment of their lives, and what is left of them:
+//! nothing.
 //!
 //! `MTJ_SOAK_KILLS` says how many are killed over each bus, 20 unless set; the full soak has 300.
 //! `MTJ_SOAK_SEED` sets the moments.
@@ -80,8 +81,9 @@ impl Watch {
 #[derive(Clone, Copy, Debug)]
 struct Holdings {
     descriptors: usize,
-    /// Mapped files and shared memory. What is mapped without a name is the stacks of threads that come and
-    /// go with work and the allocator's arenas: `memory_kb` counts what is in use of those.
+    /// Mapped files and shared memory. What is mapped without a name is the stacks of threads that
+    /// come and go with work and the allocator's arenas: `memory_kb` counts what is in use of
+    /// those.
     mappings: usize,
     memory_kb: usize,
 }
@@ -172,7 +174,8 @@ impl<'a> Soak<'a> {
     }
 }
 
-/// What processes have in shared memory, by kind, once every process has found the writers that it follows.
+/// What processes have in shared memory, by kind, once every process has found the writers that it
+/// follows.
 fn shared(processes: &[u32]) -> BTreeMap<String, usize> {
     thread::sleep(Duration::from_millis(500));
     let mut kinds = BTreeMap::new();

@@ -11,8 +11,8 @@ use crate::{
 };
 use nix::sys::signal::Signal;
 
-/// How often each start is measured. The fastest is what mtj needs; the others also waited for whatever else
-/// was busy on this machine.
+/// How often each start is measured. The fastest is what mtj needs; the others also waited for
+/// whatever else was busy on this machine.
 const STARTS: usize = 5;
 
 /// In one process.
@@ -83,7 +83,8 @@ fn a_loop_of_several_processes_has_its_torque_within_half_a_second() {
         let what = format!("mtj {command} over iceoryx2, start to first torque");
         assert_starts(&what, ACROSS_PROCESSES, || first_torque("iceoryx2", command));
     }
-    // Nobody has opened shared memory for the roles here; and on Zenoh nobody can listen before the plant.
+    // Nobody has opened shared memory for the roles here; and on Zenoh nobody can listen before the
+    // plant.
     for bus in ["iceoryx2", "zenoh"] {
         let what = format!("mtj run over {bus}, one sample, start to end");
         let one = "run --json --set duration=10ms";

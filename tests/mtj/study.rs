@@ -1,5 +1,5 @@
-//! Studies as a user runs them: the same on any number of threads and over any bus, and nothing lost
-//! by whatever interrupts them.
+//! Studies as a user runs them: the same on any number of threads and over any bus, and nothing
+//! lost by whatever interrupts them.
 
 use std::{
     fs,

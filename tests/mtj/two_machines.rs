@@ -135,7 +135,8 @@ fn interrupt(network: &Network, machine: u32, cut: Cut, seconds: f64) -> f64 {
     began.elapsed().as_secs_f64()
 }
 
-/// Asserts that the arm was safe while commands stayed away between two instants, and within its limits always.
+/// Asserts that the arm was safe while commands stayed away between two instants, and within its
+/// limits always.
 fn assert_safe(trace: &[Instance], from: f64, to: f64) {
     for instance in trace {
         let Instance { time, velocity, torque, force, .. } = instance;
@@ -151,7 +152,8 @@ fn assert_safe(trace: &[Instance], from: f64, to: f64) {
     }
 }
 
-/// The loop is closed again within a second after each interruption, whichever way the link was cut.
+/// The loop is closed again within a second after each interruption, whichever way the link was
+/// cut.
 fn recovers_over(protocol: &str) {
     const ATTEMPTS: usize = 3;
     let lengths: &[f64] = if is_long() { &[0.1, 1.0, 5.0, 10.0] } else { &[0.1, 1.0] };
@@ -172,8 +174,8 @@ fn recovers_over(protocol: &str) {
     }
 }
 
-/// How long after the end of an interruption the first command came, s, and whether the machine gave
-/// the processes their time.
+/// How long after the end of an interruption the first command came, s, and whether the machine
+/// gave the processes their time.
 fn recovery_after(protocol: &str, cut: Cut, seconds: f64) -> (f64, bool) {
     let site = Site::over(protocol);
     let duration = seconds + 4.0;
@@ -330,8 +332,8 @@ fn a_controller_needs_an_address_and_serves_whatever_plant_comes_there() {
 /// Where the router of a test listens; set where this program is to be one.
 const LISTEN: &str = "MTJ_TEST_ROUTER";
 
-/// As a router, when another test starts this program on another machine: it does what zenohd does with
-/// the same configuration.
+/// As a router, when another test starts this program on another machine: it does what zenohd does
+/// with the same configuration.
 #[test]
 fn a_router_for_the_other_tests() {
     let Ok(listen) = env::var(LISTEN) else { return };

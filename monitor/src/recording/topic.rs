@@ -73,8 +73,8 @@ impl Topic {
         }
     }
 
-    /// The channel in a recording. The session is not part of it, so that the layout of a viewer fits
-    /// all recordings; the metadata name the session.
+    /// The channel in a recording. The session is not part of it, so that the layout of a viewer
+    /// fits all recordings; the metadata name the session.
     pub fn channel(self) -> String {
         format!("/mtj/{}", self.name())
     }

@@ -1,8 +1,8 @@
 //! Shows log lines on the dashboard, and on standard error once the dashboard is closed.
 //!
-//! While the dashboard is open, a line on standard error would land anywhere on its screen. The layer
-//! of [`log_layer`] keeps such lines instead. The dashboard shows the newest one. When it closes, all
-//! of them are logged again, and standard error gets them.
+//! While the dashboard is open, a line on standard error would land anywhere on its screen. The
+//! layer of [`log_layer`] keeps such lines instead. The dashboard shows the newest one. When it
+//! closes, all of them are logged again, and standard error gets them.
 //!
 //! ```no_run
 //! use tracing_subscriber::{fmt, prelude::*};

@@ -88,7 +88,8 @@ impl Palette {
 mod tests {
     use super::*;
 
-    /// Relative luminance as WCAG 2 defines it, of a colour of the 6 × 6 × 6 cube or of the grey ramp.
+    /// Relative luminance as WCAG 2 defines it, of a colour of the 6 × 6 × 6 cube or of the grey
+    /// ramp.
     fn luminance(index: u8) -> f64 {
         let level = |step: u8| if step == 0 { 0.0 } else { f64::from(step) * 40.0 + 55.0 };
         let rgb = match index {

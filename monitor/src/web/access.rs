@@ -1,8 +1,8 @@
 //! Access control: who may watch, and who may send requests to the plant.
 //!
 //! Everybody who reaches the server may watch, except a page of another origin. Its `Origin` header
-//! reveals a direct request; its `Host` header reveals DNS rebinding, where a foreign name points to
-//! this server. Requests to the plant need the token as well.
+//! reveals a direct request; its `Host` header reveals DNS rebinding, where a foreign name points
+//! to this server. Requests to the plant need the token as well.
 
 use std::{
     fmt,

@@ -1,9 +1,9 @@
 //! Sends updates of the store to all dashboards, twenty times a second.
 //!
 //! The broadcaster encodes what the store has published and sends the result to all dashboards. A
-//! dashboard that is new or has fallen behind first gets everything since its last position from the
-//! store, then goes on with the broadcast updates. So no dashboard waits for another one, nothing is
-//! queued for a dashboard that does not read, and no plot has a gap.
+//! dashboard that is new or has fallen behind first gets everything since its last position from
+//! the store, then goes on with the broadcast updates. So no dashboard waits for another one,
+//! nothing is queued for a dashboard that does not read, and no plot has a gap.
 
 use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},

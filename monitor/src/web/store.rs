@@ -65,7 +65,8 @@ pub(super) struct Cursor {
 }
 
 impl Cursor {
-    /// The cursor of a page that reconnects with `run=<run>&since=<s>`: the start of its newest bin.
+    /// The cursor of a page that reconnects with `run=<run>&since=<s>`: the start of its newest
+    /// bin.
     pub(super) fn of_query(query: &str) -> Option<Self> {
         let value =
             |key: &str| query.split('&').find_map(|pair| pair.strip_prefix(key)?.strip_prefix('='));
@@ -182,7 +183,8 @@ impl Store {
         reader.read(message, &mut |series, value| history.add(time_ns, series, value));
     }
 
-    /// How many messages came after their bin was published: dashboards that have the bin miss them.
+    /// How many messages came after their bin was published: dashboards that have the bin miss
+    /// them.
     pub(super) fn late(&self) -> u64 {
         self.late
     }

@@ -83,8 +83,8 @@ impl Forger {
         }
     }
 
-    /// A genuine sample, a few bits of which are flipped or whose numbers are none, and that is nobody's: one field
-    /// of its header, at least, is wrong.
+    /// A genuine sample, a few bits of which are flipped or whose numbers are none, and that is
+    /// nobody's: one field of its header, at least, is wrong.
     fn forged(&mut self, topic: &str, genuine: Vec<u8>) -> Vec<u8> {
         let mut bytes = genuine.clone();
         for _ in 0..self.below(8) {
@@ -110,7 +110,8 @@ impl Forger {
                 let before = sequence - 100 - self.below(sequence - 99);
                 word(&mut bytes, SEQUENCE, before);
             }
-            // An answer to a state that is not yet measured, or of a controller that is not in charge.
+            // An answer to a state that is not yet measured, or of a controller that is not in
+            // charge.
             (4, "torque") => word(&mut bytes, SEQUENCE, sequence + (1 << 40)),
             (5 | 6, "torque") => bytes[CONTROLLER + 3] = genuine[CONTROLLER + 3] ^ other,
             // A state of another arm, newer than all.

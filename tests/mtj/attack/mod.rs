@@ -138,7 +138,8 @@ fn connect(endpoint: &str, proceed: &dyn Fn() -> bool) -> Option<zenoh::Session>
     None
 }
 
-/// In shared memory, as another process of the same user: all topics that it lets a second one write.
+/// In shared memory, as another process of the same user: all topics that it lets a second one
+/// write.
 pub fn over_iceoryx2(name: &str, _endpoint: &str) -> Attack {
     let name = name.to_owned();
     Attack::begin(move |proceed, sent| {

@@ -1,5 +1,5 @@
-//! An intruder: somebody on a plant's network who speaks its protocol as well as a controller does, shows
-//! whatever certificate it has got hold of, and says all that it is not asked.
+//! An intruder: somebody on a plant's network who speaks its protocol as well as a controller does,
+//! shows whatever certificate it has got hold of, and says all that it is not asked.
 
 use std::{
     path::Path,

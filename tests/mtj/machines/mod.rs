@@ -1,7 +1,7 @@
 //! Machines in tests: network namespaces, each with an address of its own, at one switch.
 //!
-//! A cable can be pulled so that a machine sees it (*carrier*), or so that nobody does: the switch then
-//! forwards nothing more of it (*silence*). Nothing is ever sent beyond the namespaces.
+//! A cable can be pulled so that a machine sees it (*carrier*), or so that nobody does: the switch
+//! then forwards nothing more of it (*silence*). Nothing is ever sent beyond the namespaces.
 
 use std::{
     process::{self, Command},

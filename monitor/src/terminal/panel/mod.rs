@@ -143,8 +143,8 @@ impl Picture<'_> {
         Span::styled(words, self.palette.style(tone))
     }
 
-    /// Draws a panel's first line: its title, a rule, and `right` at the right end. Returns the rest
-    /// of the area.
+    /// Draws a panel's first line: its title, a rule, and `right` at the right end. Returns the
+    /// rest of the area.
     fn rule(&self, title: &str, right: Line, area: Rect, buf: &mut Buffer) -> Rect {
         let [line, rest] =
             Layout::vertical([Constraint::Length(1), Constraint::Fill(1)]).areas(area);

@@ -156,8 +156,8 @@ fn changes<'a>(picture: &Picture, width: u16) -> Vec<Line<'a>> {
     lines
 }
 
-/// Breaks a text into lines of at most `width` characters: at a blank or, so that the value of a long
-/// `key=value` stays in one piece, after the last dot or equals sign that fits.
+/// Breaks a text into lines of at most `width` characters: at a blank or, so that the value of a
+/// long `key=value` stays in one piece, after the last dot or equals sign that fits.
 fn break_words(words: &str, width: usize) -> Vec<String> {
     let mut rest: Vec<char> = words.chars().collect();
     let mut lines = Vec::new();
