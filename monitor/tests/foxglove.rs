@@ -1,5 +1,6 @@
 //! A Foxglove client, spoken to over a real socket.
 
+#![cfg(feature = "foxglove")]
 #![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
 
 use std::{
