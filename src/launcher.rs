@@ -156,7 +156,9 @@ impl Launch {
 
     /// The others need only to know where the plant is; they fetch the scenario from it.
     fn join_options(&self, scenario: &Scenario, identity: Option<&str>) -> BusOptions {
-        let BusOptions { mut session, mut connect, .. } = self.options.bus.clone();
+        let BusOptions { mut session, connect, listen, .. } = self.options.bus.clone();
+        // Where the plant listens, if this launch chose it.
+        let mut connect = connect.or(listen);
         session.identity = identity.map(str::to_owned);
         session.insecure = false; // They do not listen.
         session.certs = scenario.bus.certs.clone();

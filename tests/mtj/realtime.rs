@@ -203,3 +203,16 @@ fn a_plant_that_is_killed_can_be_started_again() {
         assert_complete(&report_of(&plant));
     }
 }
+
+#[test]
+fn launches_over_zenoh_find_ports_of_their_own() {
+    let _machine = machine::alone();
+    let session = Session::on("local");
+    let short = "run --json --bus zenoh --set timing.clock=lockstep --set duration=1s";
+    let words: Vec<&str> = short.split(' ').collect();
+    let mut runs = [session.start_exactly(&words), session.start_exactly(&words)];
+    for run in &mut runs {
+        assert!(run.wait().success(), "{}", run.stderr());
+        assert!(run.stdout().contains("\"bus\":\"zenoh\""), "{}", run.stdout());
+    }
+}
