@@ -1,4 +1,4 @@
-//! For whom a monitor listens.
+//! Where a monitor shows and records what it receives.
 
 use clap::Args;
 #[cfg(feature = "foxglove")]
@@ -7,7 +7,7 @@ use mtj_monitor::{
     recording::options::RecordingOptions, terminal::TerminalOptions, web::WebOptions,
 };
 
-/// For whom a monitor listens
+/// Where a monitor shows and records what it receives
 #[derive(Args, Clone, Debug, Default)]
 pub struct AudienceOptions {
     /// The dashboard in a browser.
