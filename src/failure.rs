@@ -51,67 +51,29 @@ impl From<ScenarioError> for Failure {
     }
 }
 
-impl From<BusError> for Failure {
-    fn from(error: BusError) -> Self {
-        let is_bad_input = error.is_bad_input();
-        Self::new(error, is_bad_input)
-    }
+/// Errors that know whether the user can mend them.
+macro_rules! from_errors {
+    ($($(#[$attribute:meta])* $error:ty,)*) => {
+        $($(#[$attribute])*
+        impl From<$error> for Failure {
+            fn from(error: $error) -> Self {
+                Self::new(&error, error.is_bad_input())
+            }
+        })*
+    };
 }
 
-impl From<PlantError> for Failure {
-    fn from(error: PlantError) -> Self {
-        let is_bad_input = error.is_bad_input();
-        Self::new(error, is_bad_input)
-    }
-}
-
-impl From<StudyError> for Failure {
-    fn from(error: StudyError) -> Self {
-        let is_bad_input = error.is_bad_input();
-        Self::new(error, is_bad_input)
-    }
-}
-
-impl From<FigureError> for Failure {
-    fn from(error: FigureError) -> Self {
-        let is_bad_input = error.is_bad_input();
-        Self::new(error, is_bad_input)
-    }
-}
-
-#[cfg(feature = "zenoh")]
-impl From<CertificateError> for Failure {
-    fn from(error: CertificateError) -> Self {
-        let is_bad_input = error.is_bad_input();
-        Self::new(error, is_bad_input)
-    }
-}
-
-impl From<RunsError> for Failure {
-    fn from(error: RunsError) -> Self {
-        let is_bad_input = error.is_bad_input();
-        Self::new(error, is_bad_input)
-    }
-}
-
-impl From<ServeError> for Failure {
-    fn from(error: ServeError) -> Self {
-        let is_bad_input = error.is_bad_input();
-        Self::new(error, is_bad_input)
-    }
-}
-
-impl From<MonitorError> for Failure {
-    fn from(error: MonitorError) -> Self {
-        let is_bad_input = error.is_bad_input();
-        Self::new(error, is_bad_input)
-    }
-}
-
-impl From<RecordingError> for Failure {
-    fn from(error: RecordingError) -> Self {
-        MonitorError::from(error).into()
-    }
+from_errors! {
+    BusError,
+    #[cfg(feature = "zenoh")]
+    CertificateError,
+    FigureError,
+    MonitorError,
+    PlantError,
+    RecordingError,
+    RunsError,
+    ServeError,
+    StudyError,
 }
 
 impl From<LaunchError> for Failure {

@@ -97,7 +97,7 @@ fn main() -> ExitCode {
         arguments.push("up".into()); // What a newcomer wants to see.
     }
     // Not among the commands, so that it is neither listed nor suggested.
-    let result = if arguments[1] == ECHO {
+    let result = if arguments.get(1).is_some_and(|command| command == ECHO) {
         log::init(log::lines("mtj"));
         Echo::parse_from(&arguments[1..]).run()
     } else {
