@@ -24,12 +24,13 @@ use mtj_monitor::terminal::log_layer;
 use mtj_options::log;
 
 use self::{
+    benchmark::round_trip::ECHO,
     command::{
         bench::Bench,
         bridge::BridgeCommand,
         completions::Completions,
         export::Export,
-        latency::{ECHO, Echo, Latency},
+        latency::{Echo, Latency},
         monitor::Monitor,
         paper::Paper,
         plant::Plant,

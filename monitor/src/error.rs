@@ -1,13 +1,9 @@
 //! Why a monitor could not start or go on.
 
+use std::error::Error;
+
 use mtj_model::scenario::ScenarioError;
 use mtj_protocol::bus::BusError;
-
-#[cfg(feature = "foxglove")]
-use crate::foxglove::FoxgloveError;
-use crate::{
-    fleet::PatternError, recording::RecordingError, terminal::TerminalError, web::WebError,
-};
 
 /// Why a monitor could not start or go on.
 #[derive(Debug, thiserror::Error)]
@@ -18,9 +14,6 @@ pub enum MonitorError {
     /// The options that name the bus are wrong.
     #[error(transparent)]
     Options(#[from] ScenarioError),
-    /// The pattern of session names is wrong.
-    #[error(transparent)]
-    Pattern(#[from] PatternError),
     /// An option was given that works for one session only.
     #[error(
         "--session '{pattern}' means many sessions, and {flag} is for one; name one, or leave out \
@@ -32,32 +25,26 @@ pub enum MonitorError {
         /// The option.
         flag: String,
     },
-    /// The terminal cannot be drawn on.
+    /// Bad input of a display or a recording: an address in use, a file that is there already.
     #[error(transparent)]
-    Terminal(#[from] TerminalError),
-    /// A recording cannot be written or read.
+    BadInput(Box<dyn Error + Send + Sync>),
+    /// A display or a recording failed.
     #[error(transparent)]
-    Recording(#[from] RecordingError),
-    /// The dashboard cannot be served.
-    #[error(transparent)]
-    Web(#[from] WebError),
-    /// Foxglove cannot be served.
-    #[cfg(feature = "foxglove")]
-    #[error(transparent)]
-    Foxglove(#[from] FoxgloveError),
+    Failed(Box<dyn Error + Send + Sync>),
 }
 
 impl MonitorError {
+    /// The error of a display or a recording, as bad input or as a failure.
+    pub fn of(error: impl Into<Box<dyn Error + Send + Sync>>, is_bad_input: bool) -> Self {
+        if is_bad_input { Self::BadInput(error.into()) } else { Self::Failed(error.into()) }
+    }
+
     /// Whether the user can remedy it: the exit status is then 2, otherwise 1.
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::Bus(error) => error.is_bad_input(),
-            Self::Terminal(error) => error.is_bad_input(),
-            Self::Recording(error) => error.is_bad_input(),
-            Self::Web(error) => error.is_bad_input(),
-            Self::Options(_) | Self::Pattern(_) | Self::OneSessionOnly { .. } => true,
-            #[cfg(feature = "foxglove")]
-            Self::Foxglove(_) => true,
+            Self::Options(_) | Self::OneSessionOnly { .. } | Self::BadInput(_) => true,
+            Self::Failed(_) => false,
         }
     }
 }

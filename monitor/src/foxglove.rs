@@ -54,6 +54,12 @@ enum Reason {
     Channel(#[from] foxglove::FoxgloveError),
 }
 
+impl From<FoxgloveError> for MonitorError {
+    fn from(error: FoxgloveError) -> Self {
+        Self::of(error, true)
+    }
+}
+
 /// The options of the connection to Foxglove.
 #[derive(Args, Clone, Debug, Default)]
 pub struct FoxgloveOptions {

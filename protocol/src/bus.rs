@@ -93,10 +93,6 @@ use std::{any::Any, collections::BTreeSet, error::Error, time::Instant};
 use mtj_model::scenario::{ScenarioError, Wait};
 use nix::errno::Errno;
 
-#[cfg(feature = "iceoryx2")]
-use crate::iceoryx2::SharedMemoryError;
-#[cfg(feature = "zenoh")]
-use crate::zenoh::ZenohError;
 use crate::{member::Member, sample::Sample};
 
 /// A transport of samples.
@@ -278,18 +274,10 @@ pub enum BusError {
     /// The settings of the bus are not valid.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
-    /// Shared memory failed.
-    #[cfg(feature = "iceoryx2")]
-    #[error(transparent)]
-    SharedMemory(#[from] SharedMemoryError),
-    /// Zenoh failed.
-    #[cfg(feature = "zenoh")]
-    #[error(transparent)]
-    Zenoh(#[from] ZenohError),
-    /// Bad input of a role that uses the bus: an address in use, a file that is not there.
+    /// Bad input of a transport, or of a role on it: an address in use, a file that is not there.
     #[error(transparent)]
     Settings(Box<dyn Error + Send + Sync>),
-    /// Any other transport, or a role's surroundings, failed.
+    /// A transport, or the surroundings of a role on it, failed.
     #[error(transparent)]
     Transport(Box<dyn Error + Send + Sync>),
     /// The controller could not answer.
@@ -298,6 +286,11 @@ pub enum BusError {
 }
 
 impl BusError {
+    /// The error of a transport, as bad input or as a failure.
+    pub fn of(error: impl Into<Box<dyn Error + Send + Sync>>, is_bad_input: bool) -> Self {
+        if is_bad_input { Self::Settings(error.into()) } else { Self::Transport(error.into()) }
+    }
+
     /// Whether the user's input is to blame: exit status 2 rather than 1.
     pub fn is_bad_input(&self) -> bool {
         match self {
@@ -307,10 +300,6 @@ impl BusError {
             | Self::Cpu { .. }
             | Self::Scenario(_)
             | Self::Settings(_) => true,
-            #[cfg(feature = "iceoryx2")]
-            Self::SharedMemory(error) => error.is_bad_input(),
-            #[cfg(feature = "zenoh")]
-            Self::Zenoh(error) => error.is_bad_input(),
             Self::Transport(_) | Self::Controller(_) => false,
         }
     }

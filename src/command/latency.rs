@@ -49,9 +49,6 @@ pub struct Latency {
     hdr: Option<PathBuf>,
 }
 
-/// The name of [`Echo`]'s command, which only this program gives.
-pub const ECHO: &str = "echo";
-
 /// Answer the bare transport's round trips until standard input closes
 #[derive(Debug, Parser)]
 #[command(name = "mtj echo")]

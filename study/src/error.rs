@@ -1,13 +1,11 @@
 //! Why a study, a prediction or a proposal of gains failed.
 
-use std::{io, path::PathBuf};
+use std::{error::Error, io, path::PathBuf};
 
 use mtj_figure::FigureError;
 use mtj_model::scenario::ScenarioError;
 use mtj_plant::error::PlantError;
 use mtj_protocol::bus::BusError;
-
-use crate::tune::Rejected;
 
 /// Why a study, a prediction or a proposal of gains failed.
 #[derive(Debug, thiserror::Error)]
@@ -167,7 +165,7 @@ pub enum StudyError {
         /// The wanted time constant of the error.
         time_constant_s: f64,
         /// What was tried last, and the limit that it did not satisfy.
-        last: Option<Box<Rejected>>,
+        last: Option<Box<dyn Error + Send + Sync>>,
     },
     /// The user ended it.
     #[error("stopped before {0}")]

@@ -2,6 +2,8 @@
 
 use std::str::FromStr;
 
+use crate::error::MonitorError;
+
 /// A session name in which `*` matches any text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pattern(String);
@@ -13,6 +15,12 @@ pub struct Pattern(String);
 )]
 pub struct PatternError {
     text: String,
+}
+
+impl From<PatternError> for MonitorError {
+    fn from(error: PatternError) -> Self {
+        Self::of(error, true)
+    }
 }
 
 impl Pattern {

@@ -6,6 +6,8 @@ use mcap::McapError;
 use mtj_model::scenario::ScenarioError;
 use mtj_protocol::{admission::Rejection, sample::VERSION};
 
+use crate::error::MonitorError;
+
 /// Why a recording cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
@@ -71,6 +73,13 @@ pub enum RecordingError {
         /// Why.
         source: Box<MessageError>,
     },
+}
+
+impl From<RecordingError> for MonitorError {
+    fn from(error: RecordingError) -> Self {
+        let is_bad_input = error.is_bad_input();
+        Self::of(error, is_bad_input)
+    }
 }
 
 impl RecordingError {

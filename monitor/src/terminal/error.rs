@@ -2,6 +2,8 @@
 
 use std::io;
 
+use crate::error::MonitorError;
+
 /// Why the terminal cannot show a dashboard.
 #[derive(Debug, thiserror::Error)]
 pub enum TerminalError {
@@ -23,6 +25,13 @@ pub enum TerminalError {
     /// The terminal failed.
     #[error("the terminal failed: {0}")]
     Draw(io::Error),
+}
+
+impl From<TerminalError> for MonitorError {
+    fn from(error: TerminalError) -> Self {
+        let is_bad_input = error.is_bad_input();
+        Self::of(error, is_bad_input)
+    }
 }
 
 impl TerminalError {

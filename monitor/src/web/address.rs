@@ -7,8 +7,6 @@ use std::{
 
 use super::error::WebError;
 
-/// The address without another choice of the user.
-pub(super) const DEFAULT: &str = "127.0.0.1:8080";
 /// How many ports are tried, one after the other.
 const ATTEMPTS: u16 = 20;
 

@@ -2,7 +2,10 @@
 
 use std::io;
 
-use super::address::DEFAULT;
+use crate::error::MonitorError;
+
+/// The address without another choice of the user.
+pub(super) const DEFAULT: &str = "127.0.0.1:8080";
 
 /// Why the dashboard cannot be served.
 #[derive(Debug, thiserror::Error)]
@@ -44,6 +47,13 @@ pub enum WebError {
     /// The server cannot start.
     #[error("--web: cannot serve: {0}")]
     Serve(io::Error),
+}
+
+impl From<WebError> for MonitorError {
+    fn from(error: WebError) -> Self {
+        let is_bad_input = error.is_bad_input();
+        Self::of(error, is_bad_input)
+    }
 }
 
 impl WebError {

@@ -68,7 +68,7 @@ pub struct WebOptions {
         long,
         value_name = "HOST:PORT",
         num_args = 0..=1,
-        default_missing_value = address::DEFAULT
+        default_missing_value = error::DEFAULT
     )]
     pub web: Option<String>,
     /// Open the dashboard in a browser
@@ -82,7 +82,7 @@ pub struct WebOptions {
 impl WebOptions {
     /// Serves the dashboard at the default address unless the user has given one.
     pub fn wanted(mut self) -> Self {
-        self.web.get_or_insert_with(|| address::DEFAULT.to_owned());
+        self.web.get_or_insert_with(|| error::DEFAULT.to_owned());
         self
     }
 
@@ -97,7 +97,7 @@ impl WebOptions {
     /// Listens at the address, so that an error comes before anything else starts; `None` if the
     /// user wants no dashboard.
     pub fn listen(&self) -> Result<Option<WebListener>, WebError> {
-        let wanted = self.web.as_deref().or(self.open.then_some(address::DEFAULT));
+        let wanted = self.web.as_deref().or(self.open.then_some(error::DEFAULT));
         let Some(text) = wanted else { return Ok(None) };
         let address = Address::parse(text)?;
         let listener = address.listen()?;

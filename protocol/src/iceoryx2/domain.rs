@@ -152,7 +152,7 @@ impl Domain {
     pub(super) fn join(self: &Arc<Self>) -> Result<Locked<Node<ipc::Service>>, SharedMemoryError> {
         let guard = self.lock()?;
         self.clean_up(&guard);
-        resources::check(&self.root)?;
+        resources::check(&self.root).map_err(SharedMemoryError::io(&self.root))?;
         let node = NodeBuilder::new()
             .config(&self.config)
             .signal_handling_mode(SignalHandlingMode::Disabled)

@@ -25,10 +25,7 @@ use iceoryx2::{
 };
 use nix::errno::Errno;
 
-use super::{
-    MAX_OFFER,
-    resources::{self, DESCRIPTORS, MEMORY},
-};
+use super::resources::{self, DESCRIPTORS, MAX_OFFER, MEMORY};
 use crate::{
     bus::BusError,
     sample::{Sample, StateSample},
@@ -136,9 +133,16 @@ pub enum SharedMemoryError {
     },
 }
 
+impl From<SharedMemoryError> for BusError {
+    fn from(error: SharedMemoryError) -> Self {
+        let is_bad_input = error.is_bad_input();
+        Self::of(error, is_bad_input)
+    }
+}
+
 impl SharedMemoryError {
     /// Whether the user's input is to blame.
-    pub(crate) fn is_bad_input(&self) -> bool {
+    fn is_bad_input(&self) -> bool {
         matches!(
             self,
             Self::ForeignDirectory(_)
@@ -166,7 +170,7 @@ impl SharedMemoryError {
         source: impl Into<Box<dyn Error + Send + Sync>>,
     ) -> Self {
         match resources::check(root) {
-            Err(shortage) => shortage,
+            Err(shortage) => Self::io(root)(shortage),
             Ok(()) => Self::Iceoryx2 { what: what.to_owned(), source: source.into() },
         }
     }

@@ -49,6 +49,7 @@ use self::{
     domain::{CleanupOnDrop, Domain, Locked},
     error::{ServiceError, failure},
     members::Members,
+    resources::MAX_OFFER,
     slot::{SlotReader, SlotWriter},
 };
 use crate::{
@@ -67,8 +68,6 @@ const MAX_READERS: usize = 16;
 const MAX_WRITERS: usize = 16;
 /// How many processes may take part in a session.
 const MAX_NODES: usize = 32;
-/// The longest scenario, bytes.
-const MAX_OFFER: usize = 65536;
 /// How often a reader of a stream polls; it is no part of the loop, so it does not ask to be woken.
 const STREAM_POLL: Duration = Duration::from_millis(1);
 

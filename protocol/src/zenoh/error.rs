@@ -2,7 +2,7 @@
 
 use std::{io, path::PathBuf};
 
-use crate::certificate::CertificateError;
+use crate::{bus::BusError, certificate::CertificateError};
 
 /// Why Zenoh cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -79,9 +79,16 @@ pub enum ZenohError {
     Session(#[source] zenoh::Error),
 }
 
+impl From<ZenohError> for BusError {
+    fn from(error: ZenohError) -> Self {
+        let is_bad_input = error.is_bad_input();
+        Self::of(error, is_bad_input)
+    }
+}
+
 impl ZenohError {
     /// Whether the user's input is to blame.
-    pub(crate) fn is_bad_input(&self) -> bool {
+    fn is_bad_input(&self) -> bool {
         !matches!(self, Self::Thread(_) | Self::Session(_))
     }
 }

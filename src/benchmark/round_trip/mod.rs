@@ -18,7 +18,7 @@ use serde::Serialize;
 
 use crate::{failure::Failure, options::realtime::LoopRealtime};
 
-pub(crate) use bare::echo;
+pub(crate) use bare::{ECHO, echo};
 pub(crate) use rate::{Held, highest_rate};
 
 /// Whether to go on.

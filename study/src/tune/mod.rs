@@ -166,7 +166,7 @@ pub fn propose(
     let Some((Candidate { values, bound }, verified, with_margin)) = best else {
         return Err(StudyError::NoGains {
             time_constant_s: wanted.time_constant_s,
-            last: rejected.pop().map(Box::new),
+            last: rejected.pop().map(Into::into),
         });
     };
     Ok(Proposal {

@@ -18,7 +18,7 @@ use mtj_plant::durations::Durations;
 use mtj_protocol::realtime::Realtime;
 
 use super::{Effort, Way, free_endpoint};
-use crate::{command::latency::ECHO, failure::Failure};
+use crate::failure::Failure;
 
 /// Round trips are counted from here on: the first ones find everything cold.
 #[cfg(any(feature = "iceoryx2", feature = "zenoh"))]
@@ -71,6 +71,9 @@ pub(crate) fn echo(
 fn unknown(kind: BusKind) -> Failure {
     Failure::bad_input(format!("--bus {}: there is no round trip between processes", kind.name()))
 }
+
+/// The command of the echo's process, which only this program gives.
+pub const ECHO: &str = "echo";
 
 /// The echo's process, which ends with this.
 struct Echo(Child);
