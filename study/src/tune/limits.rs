@@ -12,7 +12,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::{
     MARGIN, Wanted,
-    reason::{GainLimit, Problem, Rejected},
+    reason::{GainLimit, HELD_DAMPING, Problem, Rejected},
     trial,
     values::{Remedy, THRESHOLDS, Values, round_down},
     verify,
@@ -22,8 +22,6 @@ use crate::{
     predict::{TRUST, linear::LinearLoop, path},
 };
 
-/// Of K_d T_s/m < 2, which a held damping force needs, half is kept as a margin.
-pub(crate) const HELD_DAMPING: f64 = 1.0;
 /// The least K_d that is tried, over the largest that is allowed.
 const LEAST_GAIN: f64 = 1e-3;
 /// Initial errors are taken to be no smaller than this, m.

@@ -2,8 +2,11 @@
 
 use std::fmt;
 
-use super::{MARGIN, limits::HELD_DAMPING, values::Remedy};
+use super::{MARGIN, values::Remedy};
 use crate::predict::path::Masses;
+
+/// Of K_d T_s/m < 2, which a held damping force needs, half is kept as a margin.
+pub(crate) const HELD_DAMPING: f64 = 1.0;
 
 /// The limit on K_d.
 #[derive(Clone, Copy, Debug, PartialEq)]
