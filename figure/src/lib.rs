@@ -35,6 +35,8 @@
 //! # Ok::<(), mtj_figure::FigureError>(())
 //! ```
 
+#![warn(clippy::print_stderr, clippy::print_stdout)]
+
 mod axis;
 pub mod cells;
 mod colormap;

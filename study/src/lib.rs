@@ -9,6 +9,8 @@
 //! | [`report`] | the results of a sweep as a page and as figures |
 //! | [`shell`] | the command that repeats one run |
 
+#![warn(clippy::print_stderr, clippy::print_stdout)]
+
 pub mod error;
 pub mod experiment;
 pub mod predict;
