@@ -45,7 +45,7 @@ impl Export {
     pub fn run(self) -> Result<(), Failure> {
         let mut layouts: [Layout; TOPICS.len()] = Default::default();
         for recorded in self.open()? {
-            let message = recorded.map_err(Failure::other)?.message;
+            let message = recorded?.message;
             widen(&mut layouts[Topic::of(&message) as usize], &message);
         }
         if layouts.iter().all(Vec::is_empty) {
@@ -57,7 +57,7 @@ impl Export {
         let mut tables = self.create(layouts)?;
         let mut recording = self.open()?;
         for recorded in &mut recording {
-            let recorded = recorded.map_err(Failure::other)?;
+            let recorded = recorded?;
             if let Some(table) = &mut tables[Topic::of(&recorded.message) as usize] {
                 table.add(&recorded)?;
             }

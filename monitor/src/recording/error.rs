@@ -61,6 +61,18 @@ pub enum RecordingError {
         /// Where.
         source: Box<McapError>,
     },
+    /// The file's chunks are compressed in a way that this program does not read.
+    #[error(
+        "{}: its chunks are compressed with '{compression}', and mtj reads zstd, lz4 and \
+         uncompressed ones; rewrite it with 'mcap compress --compression zstd'",
+        path.display()
+    )]
+    Compression {
+        /// The file.
+        path: PathBuf,
+        /// The compression's name in the file.
+        compression: String,
+    },
     /// A message cannot be read.
     #[error("{}: message {sequence} of {channel} cannot be read: {source}", path.display())]
     Message {
@@ -90,7 +102,8 @@ impl RecordingError {
             | Self::Create { .. }
             | Self::Header { .. }
             | Self::Open { .. }
-            | Self::NotMcap { .. } => true,
+            | Self::NotMcap { .. }
+            | Self::Compression { .. } => true,
             Self::Thread(_) | Self::Damaged { .. } | Self::Message { .. } => false,
         }
     }

@@ -55,6 +55,16 @@ impl Recording {
     pub fn is_cut_short(&self) -> bool {
         self.is_cut_short
     }
+
+    fn unreadable(&self, error: McapError) -> RecordingError {
+        let path = self.path.clone();
+        match error {
+            McapError::UnsupportedCompression(compression) => {
+                RecordingError::Compression { path, compression }
+            }
+            other => RecordingError::Damaged { path, source: Box::new(other) },
+        }
+    }
 }
 
 fn open(path: &Path) -> Result<File, RecordingError> {
@@ -80,10 +90,7 @@ impl Iterator for Recording {
                     self.is_cut_short = true;
                     return None;
                 }
-                Err(error) => {
-                    let (path, source) = (self.path.clone(), Box::new(error));
-                    return Some(Err(RecordingError::Damaged { path, source }));
-                }
+                Err(error) => return Some(Err(self.unreadable(error))),
             };
             let channel = &message.channel.topic;
             // Other programs may have added their channels to the file.
