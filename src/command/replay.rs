@@ -75,7 +75,12 @@ impl Replay {
     /// There is no plant whose knobs could be turned.
     fn play(self, recording: Recording) -> Result<(), Failure> {
         let shutdown = Shutdown::on_signals();
-        let web = WebOptions { web: self.serve, open: self.open, read_only: true };
+        let web = WebOptions {
+            web: self.serve,
+            open: self.open,
+            read_only: true,
+            ..WebOptions::default()
+        };
         let session = SessionInfo {
             session: self.recording.display().to_string(),
             bus: "recording".to_owned(),

@@ -373,6 +373,57 @@ fn pages_of_other_origins_see_nothing() {
 }
 
 #[test]
+fn a_dashboard_is_reached_by_the_names_of_its_machine_and_by_those_that_were_added() {
+    let session = Session::on("iceoryx2");
+    let server = Server::start(&session, " --web-host robot.lab --web-host cell-7");
+    let machine = fs::read_to_string("/proc/sys/kernel/hostname").unwrap();
+    let label = machine.trim().split('.').next().unwrap().to_uppercase();
+    let status = |name: &str| {
+        let host = format!("{name}:{}", server.port);
+        let origin = format!("http://{host}");
+        let (page, _) = server.ask("GET /", &[("Host", &host)], "");
+        // A page of that name is one of this server's own, so that it may turn knobs.
+        let bearer = server.bearer();
+        let own = [("Host", &*host), ("Origin", &*origin), ("Authorization", &*bearer)];
+        let (knob, _) = server.turn("\"explode\"", &own);
+        (page, knob)
+    };
+    let local = format!("{label}.local");
+    for name in [machine.trim(), &label, &local, "localhost", "127.0.0.1", "robot.lab", "cell-7"] {
+        assert_eq!(status(name), (200, 400), "{name}");
+    }
+    let foreign = [
+        format!("{label}.evil.example"),
+        format!("{label}.local.evil.example"),
+        "evil.local".to_owned(),
+        "robot.lab.evil.example".to_owned(),
+        "lab".to_owned(),
+    ];
+    for name in &foreign {
+        assert_eq!(status(name), (403, 403), "{name}");
+    }
+}
+
+#[test]
+fn a_name_for_the_dashboard_that_is_none_is_bad_input() {
+    let session = Session::on("iceoryx2");
+    for (options, words) in [
+        ("--web 127.0.0.1:0 --web-host robot.lab:8080", ["'robot.lab:8080'", "without scheme"]),
+        ("--web 127.0.0.1:0 --web-host http://robot", ["'http://robot'", "like robot.lab"]),
+        ("--web 127.0.0.1:0 --web-host robot..lab", ["'robot..lab'", "like robot.lab"]),
+        ("--web-host robot.lab", ["--web-host is for the dashboard", "add --web"]),
+    ] {
+        let mut monitor = session.start(&format!("monitor {options}"));
+        assert_eq!(monitor.wait().code(), Some(2), "{options}: {}", monitor.stderr());
+        let said = monitor.stderr();
+        assert_eq!(said.lines().count(), 1, "{said}");
+        for word in words {
+            assert!(said.contains(word), "{options}: '{word}' is not in: {said}");
+        }
+    }
+}
+
+#[test]
 fn a_bus_has_room_for_256_and_refuses_the_next_in_a_sentence() {
     let session = Session::on("iceoryx2");
     let server = Server::start(&session, "");

@@ -2,7 +2,8 @@
 //!
 //! Everybody who reaches the server may watch, except a page of another origin. Its `Origin` header
 //! reveals a direct request; its `Host` header reveals DNS rebinding, where a foreign name points
-//! to this server. Requests to the plant need the token as well.
+//! to this server: only an address or one of the server's [`HostNames`] is accepted there. Requests
+//! to the plant need the token as well.
 
 use std::{
     fmt,
@@ -14,6 +15,8 @@ use axum::http::{
     header::{AUTHORIZATION, HOST, ORIGIN},
 };
 use subtle::ConstantTimeEq;
+
+use super::host_names::HostNames;
 
 /// The secret that a request to the plant needs: 128 random bits, new at each start.
 #[derive(Clone)]
@@ -54,8 +57,8 @@ const fn deny<T>(status: StatusCode, reason: &'static str) -> Result<T, Denial> 
 /// Decides which HTTP requests the server serves.
 #[derive(Clone)]
 pub(super) struct AccessControl {
-    /// The host name that the user gave to `--web`.
-    pub name: String,
+    /// The names under which browsers reach the server.
+    pub names: HostNames,
     /// The secret that requests to the plant need; without one they are all denied.
     pub token: Option<Token>,
 }
@@ -70,7 +73,8 @@ impl AccessControl {
         if !self.is_ours(name_of(host)) {
             return deny(
                 foreign,
-                "this server is reached by its address, as localhost, or by the name given to --web",
+                "this server is reached by its address, as localhost, by the machine's name, or by \
+                 a name given to --web or --web-host",
             );
         }
         if headers.contains_key(ORIGIN) {
@@ -100,9 +104,7 @@ impl AccessControl {
     }
 
     fn is_ours(&self, name: &str) -> bool {
-        name.parse::<IpAddr>().is_ok()
-            || name.eq_ignore_ascii_case("localhost")
-            || (!name.is_empty() && name.eq_ignore_ascii_case(&self.name))
+        name.parse::<IpAddr>().is_ok() || self.names.contains(name)
     }
 }
 
@@ -133,7 +135,8 @@ mod tests {
     }
 
     fn access() -> AccessControl {
-        AccessControl { name: "robot.lab".to_owned(), token: Some(Token::new().unwrap()) }
+        let names = HostNames::of_machine("arm7.plant.example").with("robot.lab");
+        AccessControl { names, token: Some(Token::new().unwrap()) }
     }
 
     #[test]
@@ -145,6 +148,9 @@ mod tests {
             "localhost:80",
             "LocalHost",
             "robot.lab:1",
+            "arm7:8080",
+            "ARM7.local:8080",
+            "arm7.plant.example",
         ] {
             assert_eq!(access().check_origin(&headers(&[("host", host)])), Ok(()), "{host}");
         }
@@ -152,6 +158,10 @@ mod tests {
             "evil.example:8080",
             "127.0.0.1.evil.example",
             "localhost.evil.example",
+            "arm7.evil.example",
+            "arm7.local.evil.example",
+            "evil.local",
+            "plant.example",
             "",
             ":8080",
             "[evil]:8080",

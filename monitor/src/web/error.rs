@@ -16,6 +16,21 @@ pub enum WebError {
         /// What the user wrote.
         text: String,
     },
+    /// A name for the server is not a host name.
+    #[error(
+        "--web-host: '{name}' is no host name; expected a name without scheme and port, like \
+         robot.lab"
+    )]
+    Host {
+        /// What the user wrote.
+        name: String,
+    },
+    /// An option of the dashboard was given, and no dashboard is served.
+    #[error("{option} is for the dashboard; add --web to serve it")]
+    WithoutDashboard {
+        /// The option.
+        option: &'static str,
+    },
     /// The server cannot listen there.
     #[error(
         "--web: cannot listen on {host} port {port} ({source}); give another address, like {DEFAULT}"
@@ -57,10 +72,14 @@ impl From<WebError> for MonitorError {
 }
 
 impl WebError {
-    /// Whether the user can remedy it by another address.
+    /// Whether the user can remedy it by another option.
     pub fn is_bad_input(&self) -> bool {
         match self {
-            Self::Address { .. } | Self::Listen { .. } | Self::PortsInUse { .. } => true,
+            Self::Address { .. }
+            | Self::Host { .. }
+            | Self::WithoutDashboard { .. }
+            | Self::Listen { .. }
+            | Self::PortsInUse { .. } => true,
             Self::Token(_) | Self::Serve(_) => false,
         }
     }

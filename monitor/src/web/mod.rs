@@ -7,6 +7,7 @@
 //! page_json  the messages to a page, as JSON
 //! broadcast  sends updates of the store to all dashboards, twenty times a second
 //! access     who may watch, and who may send requests
+//! host_names the names under which browsers reach the server
 //! requests   requests over HTTP
 //! page       the page's own files
 //! server     routes and connections
@@ -24,6 +25,7 @@ mod broadcast;
 mod browser;
 mod error;
 mod history;
+mod host_names;
 mod page;
 mod page_json;
 mod requests;
@@ -49,6 +51,7 @@ use self::{
     access::{AccessControl, Token},
     address::Address,
     broadcast::{Broadcaster, SharedStore},
+    host_names::HostNames,
     server::Server,
 };
 use crate::{
@@ -71,6 +74,9 @@ pub struct WebOptions {
         default_missing_value = error::DEFAULT
     )]
     pub web: Option<String>,
+    /// A further name under which browsers reach this machine, like robot.lab; may be repeated
+    #[arg(long, value_name = "NAME")]
+    pub web_host: Vec<String>,
     /// Open the dashboard in a browser
     #[arg(long)]
     pub open: bool,
@@ -89,23 +95,34 @@ impl WebOptions {
     /// The same options as arguments for another process.
     pub fn arguments(&self) -> Vec<String> {
         let address = self.web.iter().flat_map(|address| ["--web".to_owned(), address.clone()]);
+        let hosts = self.web_host.iter().flat_map(|name| ["--web-host".to_owned(), name.clone()]);
         let open = self.open.then(|| "--open".to_owned());
         let read_only = self.read_only.then(|| "--read-only".to_owned());
-        address.chain(open).chain(read_only).collect()
+        address.chain(hosts).chain(open).chain(read_only).collect()
     }
 
     /// Listens at the address, so that an error comes before anything else starts; `None` if the
     /// user wants no dashboard.
     pub fn listen(&self) -> Result<Option<WebListener>, WebError> {
         let wanted = self.web.as_deref().or(self.open.then_some(error::DEFAULT));
-        let Some(text) = wanted else { return Ok(None) };
+        let Some(text) = wanted else { return self.without_dashboard() };
         let address = Address::parse(text)?;
+        let names =
+            HostNames::of_this_machine().with(&address.host).with_options(&self.web_host)?;
         let listener = address.listen()?;
         let token = match self.read_only {
             true => None,
             false => Some(Token::new().map_err(WebError::Token)?),
         };
-        Ok(Some(WebListener { address, listener, token, open: self.open }))
+        Ok(Some(WebListener { address, names, listener, token, open: self.open }))
+    }
+
+    /// Nothing to serve, which must be what the other options mean, too.
+    fn without_dashboard(&self) -> Result<Option<WebListener>, WebError> {
+        match self.web_host.is_empty() {
+            true => Ok(None),
+            false => Err(WebError::WithoutDashboard { option: "--web-host" }),
+        }
     }
 }
 
@@ -128,6 +145,7 @@ impl From<&BusSettings> for SessionInfo {
 #[derive(Debug)]
 pub struct WebListener {
     address: Address,
+    names: HostNames,
     listener: TcpListener,
     token: Option<Token>,
     open: bool,
@@ -163,14 +181,14 @@ impl WebListener {
         session: &SessionInfo,
         requests: Option<RequestHandle>,
     ) -> Result<WebDashboard, WebError> {
-        let Self { address, listener, token, open } = self;
+        let Self { address, names, listener, token, open } = self;
         let token = token.filter(|_| requests.is_some());
         let local = listener.local_addr().map_err(WebError::Serve)?;
         let url = address.url(local) + &fragment(token.as_ref());
         let store = SharedStore::default();
         let hello = page_json::hello(session, token.is_none());
         let live = Broadcaster::new(store.clone(), hello);
-        let access = AccessControl { name: address.host, token };
+        let access = AccessControl { names, token };
         let stop = start(listener, Server { access, requests, live }).map_err(WebError::Serve)?;
         info!("dashboard at {url}");
         if !local.ip().is_loopback() {
