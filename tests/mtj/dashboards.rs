@@ -4,6 +4,9 @@ use std::{
     fs,
     io::{Read, Write},
     net::TcpStream,
+    os::unix::fs::PermissionsExt,
+    path::Path,
+    process::Command,
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
@@ -13,6 +16,7 @@ use std::{
 };
 
 use crate::session::{Running, Session, eventually};
+use nix::sys::signal::Signal;
 use serde_json::Value;
 use tungstenite::{Message, WebSocket, client::IntoClientRequest};
 
@@ -401,6 +405,75 @@ fn a_dashboard_is_reached_by_the_names_of_its_machine_and_by_those_that_were_add
     ];
     for name in &foreign {
         assert_eq!(status(name), (403, 403), "{name}");
+    }
+}
+
+/// Writes a file that these users can read and change.
+fn write_with_mode(path: &Path, text: &str, mode: u32) {
+    fs::write(path, text).unwrap();
+    fs::set_permissions(path, fs::Permissions::from_mode(mode)).unwrap();
+}
+
+#[test]
+fn a_token_from_a_file_survives_a_restart_and_is_not_printed() {
+    let session = Session::on("iceoryx2");
+    let (token, file) = ("0123456789abcdef".repeat(4), session.directory.join("token"));
+    write_with_mode(&file, &format!("{token}\n"), 0o600);
+    for _ in 0..2 {
+        let mut server = Server::start(&session, &format!(" --web-token-file {}", file.display()));
+        assert_eq!(server.token, None, "the URL has no token");
+        let set = r#"{"set":["law.kind=tj"]}"#;
+        let bearer = format!("Bearer {token}");
+        assert_eq!(server.turn(set, &[("Authorization", &bearer)]).0, 504, "there is no plant");
+        let other = format!("Bearer {}0", &token[1..]);
+        assert_eq!(server.turn(set, &[("Authorization", &other)]).0, 401);
+        server.monitor.signal(Signal::SIGTERM);
+        assert!(server.monitor.wait().success());
+        let said = server.monitor.stderr() + &server.monitor.stdout();
+        assert!(!said.contains(&token[..16]), "{said}");
+        assert!(said.contains(file.to_str().unwrap()), "{said}");
+    }
+}
+
+#[test]
+fn a_file_that_is_no_secret_of_its_user_or_has_no_token_is_refused() {
+    let session = Session::on("iceoryx2");
+    let path = |name: &str| session.directory.join(name);
+    let token = "0123456789abcdef".repeat(2);
+    for (name, text, mode) in [
+        ("shared", &*token, 0o640),
+        ("public", &token, 0o604),
+        ("changed", &token, 0o622),
+        ("short", &token[1..], 0o600),
+        ("empty", "", 0o600),
+        ("words", "correct horse battery staple, correct horse", 0o600),
+        ("long", &"x".repeat(100_000), 0o600),
+    ] {
+        write_with_mode(&path(name), text, mode);
+    }
+    assert!(Command::new("mkfifo").arg(path("pipe")).status().unwrap().success());
+    fs::create_dir(path("folder")).unwrap();
+    for (name, words) in [
+        ("shared", ["mode 640", "chmod 600"]),
+        ("public", ["mode 604", "chmod 600"]),
+        ("changed", ["mode 622", "chmod 600"]),
+        ("short", ["32 to 256", "openssl rand -hex 32"]),
+        ("empty", ["32 to 256", "openssl rand -hex 32"]),
+        ("words", ["32 to 256", "openssl rand -hex 32"]),
+        ("long", ["32 to 256", "openssl rand -hex 32"]),
+        ("pipe", ["no regular file", "name one"]),
+        ("folder", ["no regular file", "name one"]),
+        ("absent", ["No such file", "name a file"]),
+    ] {
+        let options = format!("--web 127.0.0.1:0 --web-token-file {}", path(name).display());
+        let mut monitor = session.start(&format!("monitor {options}"));
+        assert_eq!(monitor.wait().code(), Some(2), "{name}: {}", monitor.stderr());
+        let said = monitor.stderr();
+        assert_eq!(said.lines().count(), 1, "{said}");
+        for word in [&words[..], &["--web-token-file", path(name).to_str().unwrap()]].concat() {
+            assert!(said.contains(word), "{name}: '{word}' is not in: {said}");
+        }
+        assert!(!said.contains("horse") && !said.contains(&token[1..]), "{said}");
     }
 }
 

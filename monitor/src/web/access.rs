@@ -5,42 +5,14 @@
 //! to this server: only an address or one of the server's [`HostNames`] is accepted there. Requests
 //! to the plant need the token as well.
 
-use std::{
-    fmt,
-    net::{IpAddr, Ipv6Addr},
-};
+use std::net::{IpAddr, Ipv6Addr};
 
 use axum::http::{
     HeaderMap, HeaderName, StatusCode,
     header::{AUTHORIZATION, HOST, ORIGIN},
 };
-use subtle::ConstantTimeEq;
 
-use super::host_names::HostNames;
-
-/// The secret that a request to the plant needs: 128 random bits, new at each start.
-#[derive(Clone)]
-pub(super) struct Token(String);
-
-impl fmt::Debug for Token {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("Token(…)")
-    }
-}
-
-impl Token {
-    /// A new token of random bits from the operating system.
-    pub(super) fn new() -> Result<Self, getrandom::Error> {
-        let mut bits = [0; 16];
-        getrandom::fill(&mut bits)?;
-        Ok(Self(bits.iter().map(|byte| format!("{byte:02x}")).collect()))
-    }
-
-    /// The token as hexadecimal digits.
-    pub(super) fn as_str(&self) -> &str {
-        &self.0
-    }
-}
+use super::{host_names::HostNames, token::Token};
 
 /// Why a request is denied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,11 +65,11 @@ impl AccessControl {
             return deny(StatusCode::FORBIDDEN, "this monitor was started with --read-only");
         };
         let shown = only(headers, AUTHORIZATION).and_then(|words| words.strip_prefix("Bearer "));
-        let is_right = |shown: &str| bool::from(shown.as_bytes().ct_eq(token.0.as_bytes()));
-        if !shown.is_some_and(is_right) {
+        if !shown.is_some_and(|shown| token.is(shown)) {
             return deny(
                 StatusCode::UNAUTHORIZED,
-                "turning a knob takes the token that the monitor printed when it started",
+                "turning a knob takes the token that the monitor printed when it started, or the one \
+                 in its --web-token-file",
             );
         }
         Ok(())
@@ -214,13 +186,5 @@ mod tests {
         let read_only = AccessControl { token: None, ..access };
         let denial = read_only.check_token(&headers(&[("authorization", &bearer)])).unwrap_err();
         assert_eq!(denial.status, StatusCode::FORBIDDEN);
-    }
-
-    #[test]
-    fn no_two_tokens_are_the_same_and_each_has_128_bits() {
-        let (one, other) = (Token::new().unwrap(), Token::new().unwrap());
-        assert_ne!(one.as_str(), other.as_str());
-        assert_eq!(one.as_str().len(), 32);
-        assert!(one.as_str().bytes().all(|digit| digit.is_ascii_hexdigit()));
     }
 }

@@ -2,6 +2,7 @@
 
 use std::io;
 
+use super::token::TokenFileError;
 use crate::error::MonitorError;
 
 /// The address without another choice of the user.
@@ -56,6 +57,9 @@ pub enum WebError {
         /// The last one.
         last: u16,
     },
+    /// A file has no token.
+    #[error(transparent)]
+    TokenFile(#[from] TokenFileError),
     /// The operating system has no random numbers.
     #[error("no random numbers for a token: {0}")]
     Token(getrandom::Error),
@@ -79,7 +83,8 @@ impl WebError {
             | Self::Host { .. }
             | Self::WithoutDashboard { .. }
             | Self::Listen { .. }
-            | Self::PortsInUse { .. } => true,
+            | Self::PortsInUse { .. }
+            | Self::TokenFile(_) => true,
             Self::Token(_) | Self::Serve(_) => false,
         }
     }

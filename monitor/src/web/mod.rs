@@ -8,6 +8,7 @@
 //! broadcast  sends updates of the store to all dashboards, twenty times a second
 //! access     who may watch, and who may send requests
 //! host_names the names under which browsers reach the server
+//! token      the secret that a request needs
 //! requests   requests over HTTP
 //! page       the page's own files
 //! server     routes and connections
@@ -32,10 +33,12 @@ mod requests;
 mod series;
 mod server;
 mod store;
+mod token;
 
 use std::{
     fmt, io,
     net::{SocketAddr, TcpListener},
+    path::PathBuf,
     thread,
 };
 
@@ -46,14 +49,15 @@ use socket2::SockRef;
 use tokio::sync::oneshot;
 use tracing::{info, warn};
 
-pub use self::error::WebError;
 use self::{
-    access::{AccessControl, Token},
+    access::AccessControl,
     address::Address,
     broadcast::{Broadcaster, SharedStore},
     host_names::HostNames,
     server::Server,
+    token::Token,
 };
+pub use self::{error::WebError, token::TokenFileError};
 use crate::{
     error::MonitorError,
     monitor::Sink,
@@ -77,6 +81,10 @@ pub struct WebOptions {
     /// A further name under which browsers reach this machine, like robot.lab; may be repeated
     #[arg(long, value_name = "NAME")]
     pub web_host: Vec<String>,
+    /// Take the dashboard's token from this file, so that it survives a restart; without, each
+    /// start has a new one
+    #[arg(long, value_name = "FILE", conflicts_with = "read_only")]
+    pub web_token_file: Option<PathBuf>,
     /// Open the dashboard in a browser
     #[arg(long)]
     pub open: bool,
@@ -96,9 +104,12 @@ impl WebOptions {
     pub fn arguments(&self) -> Vec<String> {
         let address = self.web.iter().flat_map(|address| ["--web".to_owned(), address.clone()]);
         let hosts = self.web_host.iter().flat_map(|name| ["--web-host".to_owned(), name.clone()]);
+        let file = self.web_token_file.iter();
+        let file =
+            file.flat_map(|path| ["--web-token-file".to_owned(), path.display().to_string()]);
         let open = self.open.then(|| "--open".to_owned());
         let read_only = self.read_only.then(|| "--read-only".to_owned());
-        address.chain(hosts).chain(open).chain(read_only).collect()
+        address.chain(hosts).chain(file).chain(open).chain(read_only).collect()
     }
 
     /// Listens at the address, so that an error comes before anything else starts; `None` if the
@@ -109,20 +120,31 @@ impl WebOptions {
         let address = Address::parse(text)?;
         let names =
             HostNames::of_this_machine().with(&address.host).with_options(&self.web_host)?;
+        let token = self.token()?;
         let listener = address.listen()?;
-        let token = match self.read_only {
-            true => None,
-            false => Some(Token::new().map_err(WebError::Token)?),
-        };
-        Ok(Some(WebListener { address, names, listener, token, open: self.open }))
+        let token_file = self.web_token_file.clone();
+        Ok(Some(WebListener { address, names, listener, token, token_file, open: self.open }))
     }
 
     /// Nothing to serve, which must be what the other options mean, too.
     fn without_dashboard(&self) -> Result<Option<WebListener>, WebError> {
-        match self.web_host.is_empty() {
-            true => Ok(None),
-            false => Err(WebError::WithoutDashboard { option: "--web-host" }),
+        let options = [
+            ("--web-host", !self.web_host.is_empty()),
+            ("--web-token-file", self.web_token_file.is_some()),
+        ];
+        match options.into_iter().find(|(_, is_given)| *is_given) {
+            None => Ok(None),
+            Some((option, _)) => Err(WebError::WithoutDashboard { option }),
         }
+    }
+
+    /// The token that requests need; `None` if there are to be none.
+    fn token(&self) -> Result<Option<Token>, WebError> {
+        Ok(match (&self.web_token_file, self.read_only) {
+            (_, true) => None,
+            (Some(path), false) => Some(Token::read(path)?),
+            (None, false) => Some(Token::new().map_err(WebError::Token)?),
+        })
     }
 }
 
@@ -148,6 +170,8 @@ pub struct WebListener {
     names: HostNames,
     listener: TcpListener,
     token: Option<Token>,
+    /// The file that the token is from.
+    token_file: Option<PathBuf>,
     open: bool,
 }
 
@@ -181,16 +205,24 @@ impl WebListener {
         session: &SessionInfo,
         requests: Option<RequestHandle>,
     ) -> Result<WebDashboard, WebError> {
-        let Self { address, names, listener, token, open } = self;
+        let Self { address, names, listener, token, token_file, open } = self;
         let token = token.filter(|_| requests.is_some());
         let local = listener.local_addr().map_err(WebError::Serve)?;
-        let url = address.url(local) + &fragment(token.as_ref());
+        let page = address.url(local);
+        let url = page.clone() + &fragment(token.as_ref());
         let store = SharedStore::default();
-        let hello = page_json::hello(session, token.is_none());
+        let is_read_only = token.is_none();
+        let hello = page_json::hello(session, is_read_only);
         let live = Broadcaster::new(store.clone(), hello);
         let access = AccessControl { names, token };
         let stop = start(listener, Server { access, requests, live }).map_err(WebError::Serve)?;
-        info!("dashboard at {url}");
+        match (&token_file, is_read_only) {
+            // A log may be kept for long, and so may this token.
+            (Some(path), false) => {
+                info!("dashboard at {page}; knobs take the token in {}", path.display());
+            }
+            _ => info!("dashboard at {url}"),
+        }
         if !local.ip().is_loopback() {
             warn!("anybody who reaches {local} over the network can watch; knobs take the token");
         }
