@@ -8,6 +8,7 @@ use mtj_monitor::{
     fleet::{self, Pattern},
     lines::Lines,
     monitor::{self, BusSource, Sink},
+    recording::options::NewRecording,
     web::SessionInfo,
 };
 use mtj_options::{JoinOptions, RealtimeOptions};
@@ -82,6 +83,8 @@ impl Monitor {
         let mut source = BusSource::open(&bus)?;
         let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
         if let Some(listener) = listener {
+            let saves = recording.as_ref().and_then(NewRecording::save_handle);
+            let listener = listener.saving(saves);
             listener.serve_bus(&bus, &SessionInfo::from(&settings), &mut sinks)?;
         }
         #[cfg(feature = "foxglove")]
@@ -89,7 +92,7 @@ impl Monitor {
             sinks.push(Box::new(foxglove));
         }
         if let Some(recording) = recording {
-            sinks.push(Box::new(recording.start()?));
+            sinks.push(recording.start()?);
         }
         if self.until_stdin_closes {
             // The process that started this one waits for exactly this line.

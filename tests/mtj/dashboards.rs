@@ -408,6 +408,42 @@ fn a_dashboard_is_reached_by_the_names_of_its_machine_and_by_those_that_were_add
     }
 }
 
+#[test]
+fn a_dashboard_saves_the_last_seconds_with_the_token() {
+    let session = Session::on("iceoryx2");
+    let file = session.directory.join("run.mcap");
+    let record = format!(" --record {} --record-last 10s", file.display());
+    let mut server = Server::start(&session, &record);
+    let (host, bearer) = (server.host(), server.bearer());
+    let save = |server: &Server, headers: &[(&str, &str)]| {
+        let headers = [&[("Host", &*host)], headers].concat();
+        let (status, body) = server.ask("POST /save", &headers, "");
+        (status, serde_json::from_str::<Value>(&body).unwrap())
+    };
+    let authorized = [("Authorization", &*bearer)];
+    assert_eq!(save(&server, &[]).0, 401);
+    let foreign = [authorized[0], ("Origin", "http://evil.example")];
+    assert_eq!(save(&server, &foreign).0, 403);
+    assert_eq!(save(&server, &authorized).0, 409, "nothing was heard yet");
+    let _controller = session.start("controller");
+    let _plant = session.start(&plant(60, " --set timing.clock=realtime"));
+    listen_until(&mut server.connect(), 0.5);
+    for name in ["run-0001.mcap", "run-0002.mcap"] {
+        let (status, answer) = save(&server, &authorized);
+        let saved = session.directory.join(name);
+        assert_eq!((status, answer["file"].as_str()), (200, saved.to_str()), "{answer}");
+        assert!(fs::metadata(&saved).unwrap().len() > 5000);
+    }
+    server.monitor.signal(Signal::SIGTERM);
+    assert!(server.monitor.wait().success());
+
+    let without = Server::start(&session, "");
+    let bearer = without.bearer();
+    let headers = [("Host", &*without.host()), ("Authorization", &*bearer)];
+    let (status, answer) = without.ask("POST /save", &headers, "");
+    assert!(status == 404 && answer.contains("--record-last"), "{status} {answer}");
+}
+
 /// Writes a file that these users can read and change.
 fn write_with_mode(path: &Path, text: &str, mode: u32) {
     fs::write(path, text).unwrap();

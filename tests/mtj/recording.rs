@@ -248,6 +248,90 @@ fn a_recording_becomes_tables_with_the_same_numbers() {
     over(&session, "export", &file, &[&to_tables[..], &["--overwrite"]].concat());
 }
 
+/// The recordings in a session's folder, in order.
+fn recordings(session: &Session) -> Vec<PathBuf> {
+    let entries = fs::read_dir(&session.directory).unwrap().flatten();
+    let is_recording = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "mcap");
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(is_recording).collect();
+    paths.sort();
+    paths
+}
+
+#[test]
+fn each_part_of_a_recording_is_replayed_on_its_own() {
+    let session = Session::on("iceoryx2");
+    let (mut monitor, _) = start_recording(&session, " --record-split 1s");
+    let mut plant = session.start("plant --json --scenario sampled/mtj --set duration=4s");
+    let mut controller = session.start("controller");
+    report_of(&mut plant);
+    controller.signal(Signal::SIGTERM);
+    controller.wait();
+    let said = finish(&mut monitor);
+    assert!(lost_nothing(&said), "{said}");
+    let parts = recordings(&session);
+    assert!((4..=8).contains(&parts.len()), "{parts:?}");
+    assert!(parts[0].ends_with("run-0001.mcap"), "{parts:?}");
+    let last = parts.last().unwrap();
+    let summary = format!("run-0001.mcap to {}", last.display());
+    assert!(said.contains(&summary), "'{summary}' is not in: {said}");
+    let (mut states, mut compared) = (0, 0);
+    for part in &parts {
+        let findings = replay(&session, part, &[]);
+        assert_eq!((&findings["differing"], &findings["cut_short"]), (&0.into(), &false.into()));
+        assert_eq!(findings["without_scenario"], 0, "{findings}");
+        states += number(&findings["states"]);
+        compared += number(&findings["compared"]);
+    }
+    assert!(states >= 400 && compared > 350, "{states} states, {compared} compared");
+    assert!(said.contains(&format!("{states} state, ")), "{states}: {said}");
+}
+
+#[test]
+fn the_last_seconds_are_saved_at_a_signal_and_when_the_controller_falls_silent() {
+    let session = Session::on("iceoryx2");
+    let file = session.directory.join("run.mcap");
+    let mut monitor =
+        session.start(&format!("monitor --record {} --record-last 2s", file.display()));
+    eventually("keeping", || monitor.stderr().contains("keeping the last 2s").then_some(()));
+    let plant = session.start("plant --scenario sampled/mtj --set duration=60s");
+    let mut controller = session.start("controller");
+    let after = |second: f64| {
+        move |line: &str| {
+            let time = line.strip_prefix('t').and_then(|line| line.split_whitespace().next());
+            time.is_some_and(|time| time.parse::<f64>().unwrap() >= second)
+        }
+    };
+    let saved = |monitor: &Running, count: usize| {
+        let is_saved = || {
+            (monitor.stderr().matches(": saving the last").count() == count
+                && monitor.stderr().matches("mtj monitor: saved ").count() == count)
+                .then_some(())
+        };
+        eventually("a saved file", is_saved);
+        let files = recordings(&session);
+        assert_eq!(files.len(), count, "{files:?}");
+        replay(&session, files.last().unwrap(), &[])
+    };
+    eventually("four seconds", || monitor.stdout().lines().any(after(3.9)).then_some(()));
+    monitor.signal(Signal::SIGUSR1);
+    let findings = saved(&monitor, 1);
+    assert_eq!((&findings["differing"], &findings["cut_short"]), (&0.into(), &false.into()));
+    // Two seconds at 100 Hz, and an eighth of a second more at most; more on a machine that is busy.
+    assert!((190..300).contains(&number(&findings["states"])), "{findings}");
+    assert!(number(&findings["compared"]) > 150, "{findings}");
+
+    controller.signal(Signal::SIGKILL);
+    controller.wait();
+    let findings = saved(&monitor, 2);
+    assert_eq!(findings["differing"], 0);
+    let unanswered = number(&findings["states"]) - number(&findings["torques"]);
+    assert!(unanswered > 30, "half a second of states without an answer: {findings}");
+    let said = monitor.stderr();
+    assert!(said.contains("SIGUSR1: saving") && said.contains("the controller has been silent"));
+    drop(plant);
+    finish(&mut monitor);
+}
+
 /// A file system that is soon full, if this user may mount one.
 struct SmallDisk(PathBuf);
 
@@ -257,6 +341,13 @@ impl SmallDisk {
         let options = ["-t", "tmpfs", "-o", "size=64k", "tmpfs"];
         let status = Command::new("mount").args(options).arg(&path).status();
         status.is_ok_and(|status| status.success()).then_some(Self(path))
+    }
+}
+
+impl SmallDisk {
+    fn grow(&self) {
+        let options = ["-o", "remount,size=64m"];
+        assert!(Command::new("mount").args(options).arg(&self.0).status().unwrap().success());
     }
 }
 
@@ -294,6 +385,48 @@ fn a_full_disk_is_told_once_and_monitoring_goes_on() {
     let findings = replay(&session, &file, &[]);
     assert_eq!((&findings["states"], &findings["differing"]), (states, &0.into()), "{findings}");
     assert!(number(&findings["compared"]) > 10, "{findings}");
+}
+
+#[test]
+fn the_last_seconds_that_do_not_fit_on_a_disk_are_told_and_kept_for_the_next_request() {
+    let session = Session::on("iceoryx2");
+    let Some(disk) = SmallDisk::mount(session.directory.join("disk")) else {
+        eprintln!("not tested: only root may mount a small disk");
+        return;
+    };
+    let file = disk.0.join("run.mcap");
+    let mut monitor =
+        session.start(&format!("monitor --record {} --record-last 60s", file.display()));
+    let plant = session
+        .start("plant --scenario sampled/mtj --set duration=60s --set timing.sample_period=1ms");
+    let controller = session.start("controller");
+    let after = |line: &str| line.starts_with("t ") && !line.starts_with("t     0.");
+    eventually("some seconds", || {
+        (monitor.stdout().lines().filter(|l| after(l)).count() > 3).then_some(())
+    });
+    monitor.signal(Signal::SIGUSR1);
+    let is_told =
+        || monitor.stderr().contains("the disk is full; this file ends here").then_some(());
+    eventually("a full disk", is_told);
+    let lines = |monitor: &Running| monitor.stdout().lines().count();
+    let before = lines(&monitor);
+    eventually("two more lines", || (lines(&monitor) >= before + 2).then_some(()));
+    disk.grow();
+    monitor.signal(Signal::SIGUSR1);
+    eventually("a saved file", || monitor.stderr().contains("monitor: saved ").then_some(()));
+    drop((plant, controller));
+    let said = finish(&mut monitor);
+    assert!(said.contains("files saved: 1;"), "{said}");
+
+    let [first, second] =
+        ["run-0001.mcap", "run-0002.mcap"].map(|name| replay(&session, &disk.0.join(name), &[]));
+    assert_eq!((&first["cut_short"], &first["differing"]), (&true.into(), &0.into()), "{first}");
+    assert_eq!(
+        (&second["cut_short"], &second["differing"]),
+        (&false.into(), &0.into()),
+        "{second}"
+    );
+    assert!(number(&second["states"]) > number(&first["states"]) + 1000, "{first} {second}");
 }
 
 #[test]
@@ -370,6 +503,9 @@ fn an_impossible_recording_is_refused_in_one_sentence() {
     for (arguments, words) in [
         (&["monitor", "--record", "/nowhere/run.mcap"][..], "/nowhere/run.mcap"),
         (&["monitor", "--record", "/", "--overwrite"], "directory"),
+        (&["monitor", "--record", "a.mcap", "--record-split", "10"], "--record-split '10'"),
+        (&["monitor", "--record", "a.mcap", "--record-last", "1ms"], "--record-last '1ms'"),
+        (&["monitor", "--record", "/nowhere/a.mcap", "--record-last", "9s"], "/nowhere/a.mcap"),
         (&["replay", "/nowhere/run.mcap"], "No such file"),
         (&["replay", text], "not an MCAP file"),
         (&["replay", text, "--set", "law.kind"], "KEY=VALUE"),

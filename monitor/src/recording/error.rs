@@ -36,6 +36,21 @@ pub enum RecordingError {
         /// Why.
         source: io::Error,
     },
+    /// The limits of a file are none.
+    #[error(
+        "--record-split '{text}': expected a size of at least 100kB, a time of at least 1 s, or \
+         both, like 100MB, 10min or 100MB,10min"
+    )]
+    Split {
+        /// What the user wrote.
+        text: String,
+    },
+    /// The time to keep is none.
+    #[error("--record-last '{text}': expected a time from 1 s to 1 h, like 30s")]
+    Last {
+        /// What the user wrote.
+        text: String,
+    },
     /// The recorder's thread cannot be started.
     #[error("the recorder's thread could not be started: {0}")]
     Thread(io::Error),
@@ -101,6 +116,8 @@ impl RecordingError {
             Self::Exists { .. }
             | Self::Create { .. }
             | Self::Header { .. }
+            | Self::Split { .. }
+            | Self::Last { .. }
             | Self::Open { .. }
             | Self::NotMcap { .. }
             | Self::Compression { .. } => true,

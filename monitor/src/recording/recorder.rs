@@ -2,7 +2,6 @@
 
 use std::{
     io,
-    path::PathBuf,
     sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender},
     thread::{self, JoinHandle},
     time::{Duration, Instant, SystemTime},
@@ -12,9 +11,10 @@ use mtj_protocol::port::Message;
 use tracing::{error, info, warn};
 
 use super::{
+    gaps::Gaps,
+    parts::{PartWriter, PartsWritten},
     timeline::Timeline,
-    topic::{Counts, TOPICS, Topic},
-    writer::RecordingWriter,
+    topic::{Counts, Topic, counts_in_words},
 };
 use crate::{error::MonitorError, monitor::Sink};
 
@@ -25,67 +25,58 @@ const QUEUE: usize = 1 << 16;
 /// The shortest time between two warnings about lost messages.
 const WARNING: Duration = Duration::from_secs(5);
 
-/// Records a session in a file.
+/// Records a session in a file, or in one part after another.
 ///
 /// A thread of its own writes. Messages that the disk is too slow for are lost, counted and
 /// reported; the monitor does not wait.
 #[derive(Debug)]
 pub struct Recorder {
-    path: PathBuf,
+    /// The first file, for messages to the user.
+    file: String,
     queue: Option<SyncSender<(u64, Message)>>,
     thread: Option<JoinHandle<Written>>,
     timeline: Timeline,
     received: Counts,
-    written: Counts,
+    written: Option<PartsWritten>,
     /// How many messages did not fit into the queue.
     overrun: u64,
     /// When the last warning was logged, and `overrun` at that time.
     warned: Option<(Instant, u64)>,
-    /// Run and sequence number of the newest state.
-    newest: Option<(u64, u64)>,
-    missed: u64,
+    gaps: Gaps,
 }
 
 /// What the thread wrote.
 #[derive(Debug)]
 struct Written {
-    counts: Counts,
+    parts: PartsWritten,
     outcome: io::Result<()>,
 }
 
 impl Recorder {
-    /// Starts to record with `writer` to the file `path`.
-    pub(super) fn start(path: PathBuf, writer: RecordingWriter) -> io::Result<Self> {
+    /// Starts to record with `writer`.
+    pub(super) fn start(writer: PartWriter) -> io::Result<Self> {
+        let file = writer.path().display().to_string();
         let (queue, messages) = mpsc::sync_channel(QUEUE);
         let thread = thread::Builder::new()
             .name("mtj-recorder".to_owned())
             .spawn(move || write(writer, &messages))?;
-        info!("recording to {}", path.display());
+        info!("recording to {file}");
         Ok(Self {
-            path,
+            file,
             queue: Some(queue),
             thread: Some(thread),
             timeline: Timeline::default(),
             received: Counts::default(),
-            written: Counts::default(),
+            written: None,
             overrun: 0,
             warned: None,
-            newest: None,
-            missed: 0,
+            gaps: Gaps::default(),
         })
     }
 
     fn count(&mut self, message: &Message) {
         self.received[Topic::of(message) as usize] += 1;
-        if let Message::State(state) = message {
-            let header = state.header;
-            if let Some((run, sequence)) = self.newest
-                && run == header.run
-            {
-                self.missed += header.sequence.saturating_sub(sequence + 1);
-            }
-            self.newest = Some((header.run, header.sequence));
-        }
+        self.gaps.note(message);
     }
 
     /// Warns, not too often, when messages were lost because the disk is too slow.
@@ -95,8 +86,7 @@ impl Recorder {
             self.warned = Some((Instant::now(), self.overrun));
             warn!(
                 "{}: the disk does not keep up; {} messages are lost so far",
-                self.path.display(),
-                self.overrun
+                self.file, self.overrun
             );
         }
     }
@@ -105,35 +95,41 @@ impl Recorder {
     fn finish(&mut self) {
         let Some(thread) = self.thread.take() else { return };
         self.queue = None;
-        let path = self.path.display();
-        let Ok(Written { counts, outcome }) = thread.join() else {
-            error!("{path}: the recorder failed");
+        let Ok(Written { parts, outcome }) = thread.join() else {
+            error!("{}: the recorder failed", self.file);
             return;
         };
-        self.written = counts;
         if let Err(error) = outcome {
-            let reason = match error.kind() {
-                io::ErrorKind::StorageFull => "the disk is full".to_owned(),
-                _ => error.to_string(),
-            };
             error!(
-                "{path}: {reason}; the recording ends here, what was recorded until now can be \
-                 read, and monitoring goes on"
+                "{}: {}; the recording ends here, what was recorded until now can be read, and \
+                 monitoring goes on",
+                parts.last.display(),
+                reason(&error)
             );
         }
+        self.written = Some(parts);
     }
 
     /// How many messages were recorded, dropped and missed, as a sentence.
     fn summary(&self) -> String {
-        let counts =
-            TOPICS.map(|topic| format!("{} {}", self.written[topic as usize], topic.name()));
-        let dropped = self.received.iter().sum::<u64>() - self.written.iter().sum::<u64>();
+        let (files, counts) = match &self.written {
+            Some(parts) => (parts.files(), parts.counts),
+            None => (self.file.clone(), Counts::default()),
+        };
+        let dropped = self.received.iter().sum::<u64>() - counts.iter().sum::<u64>();
         format!(
-            "recorded in {}: {}; {dropped} messages dropped, {} states missed",
-            self.path.display(),
-            counts.join(", "),
-            self.missed
+            "recorded in {files}: {}; {dropped} messages dropped, {} states missed",
+            counts_in_words(&counts),
+            self.gaps.missed()
         )
+    }
+}
+
+/// Why a file could not be written.
+pub(super) fn reason(error: &io::Error) -> String {
+    match error.kind() {
+        io::ErrorKind::StorageFull => "the disk is full".to_owned(),
+        _ => error.to_string(),
     }
 }
 
@@ -164,17 +160,12 @@ impl Drop for Recorder {
 }
 
 /// Writes messages until the queue is closed.
-fn write(mut writer: RecordingWriter, messages: &Receiver<(u64, Message)>) -> Written {
+fn write(mut writer: PartWriter, messages: &Receiver<(u64, Message)>) -> Written {
     let outcome = write_all(&mut writer, messages);
-    let counts = writer.flushed();
-    if outcome.is_err() {
-        // The disk is full or gone: a second error tells nothing new.
-        let _ = writer.abandon();
-    }
-    Written { counts, outcome }
+    Written { parts: writer.end(outcome.is_err()), outcome }
 }
 
-fn write_all(writer: &mut RecordingWriter, messages: &Receiver<(u64, Message)>) -> io::Result<()> {
+fn write_all(writer: &mut PartWriter, messages: &Receiver<(u64, Message)>) -> io::Result<()> {
     let mut flush = Instant::now() + FLUSH;
     loop {
         match messages.recv_timeout(flush.saturating_duration_since(Instant::now())) {
@@ -198,6 +189,7 @@ mod tests {
     use mtj_protocol::sample::{Header, StateSample};
 
     use super::*;
+    use crate::recording::writer::RecordingWriter;
 
     #[test]
     fn messages_that_the_disk_is_too_slow_for_are_counted_and_the_monitor_does_not_wait() {
@@ -205,7 +197,7 @@ mod tests {
         let (mut disk, pipe) = io::pipe().unwrap();
         let file = File::from(OwnedFd::from(pipe));
         let writer = RecordingWriter::new(file, BTreeMap::new()).unwrap();
-        let mut recorder = Recorder::start("pipe".into(), writer).unwrap();
+        let mut recorder = Recorder::start(PartWriter::single("pipe".into(), writer)).unwrap();
         let received = 3 * QUEUE as u64;
         for sequence in 0..received {
             let header = Header { run: 1, sequence, ..Header::default() };
@@ -217,7 +209,7 @@ mod tests {
 
         let reading = thread::spawn(move || io::copy(&mut disk, &mut io::sink()).unwrap());
         recorder.finish();
-        let states = recorder.written[Topic::State as usize];
+        let states = recorder.written.as_ref().unwrap().counts[Topic::State as usize];
         assert_eq!(states + recorder.overrun, received);
         let summary = recorder.summary();
         assert!(summary.contains(&format!("{states} state, ")), "{summary}");

@@ -44,6 +44,11 @@ pub const TOPICS: [Topic; 8] = [
 /// One number for each topic.
 pub(crate) type Counts = [u64; TOPICS.len()];
 
+/// Counts as words: "1 scenario, 300 state, …".
+pub(super) fn counts_in_words(counts: &Counts) -> String {
+    TOPICS.map(|topic| format!("{} {}", counts[topic as usize], topic.name())).join(", ")
+}
+
 impl Topic {
     /// A message's topic.
     pub fn of(message: &Message) -> Self {

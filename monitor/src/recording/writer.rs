@@ -33,6 +33,8 @@ pub(crate) struct RecordingWriter {
     /// How many messages of each topic the operating system has.
     flushed: Counts,
     flushed_length: u64,
+    /// How many bytes of JSON were added since.
+    pending: u64,
 }
 
 impl fmt::Debug for RecordingWriter {
@@ -69,14 +71,22 @@ impl RecordingWriter {
         }
         let (written, flushed) = Default::default();
         let json = Vec::with_capacity(1024);
+        let (flushed_length, pending) = (0, 0);
         let mut recording =
-            Self { writer, file, channels, json, written, flushed, flushed_length: 0 };
+            Self { writer, file, channels, json, written, flushed, flushed_length, pending };
         recording.flush_chunk()?;
         Ok(recording)
     }
 
     /// Adds a message; a crash cannot lose it after the next [`Self::flush`].
     pub(crate) fn write(&mut self, log_time: u64, message: &Message) -> io::Result<()> {
+        self.repeat(log_time, message)?;
+        self.written[Topic::of(message) as usize] += 1;
+        Ok(())
+    }
+
+    /// Adds a message that another file has already; it is not counted.
+    pub(crate) fn repeat(&mut self, log_time: u64, message: &Message) -> io::Result<()> {
         let topic = Topic::of(message);
         self.json.clear();
         json::write(&mut self.json, message)?;
@@ -86,9 +96,8 @@ impl RecordingWriter {
             log_time,
             publish_time: log_time,
         };
-        self.writer.write_to_known_channel(&header, &self.json).map_err(io_error)?;
-        self.written[topic as usize] += 1;
-        Ok(())
+        self.pending += self.json.len() as u64;
+        self.writer.write_to_known_channel(&header, &self.json).map_err(io_error)
     }
 
     /// Finishes the chunk and passes it to the operating system: a crash of this process does not
@@ -100,15 +109,26 @@ impl RecordingWriter {
     fn flush_chunk(&mut self) -> McapResult<()> {
         self.writer.flush()?;
         self.flushed = self.written;
-        self.flushed_length = self.file.metadata()?.len();
+        self.note_length()?;
         Ok(())
+    }
+
+    fn note_length(&mut self) -> io::Result<()> {
+        (self.flushed_length, self.pending) = (self.file.metadata()?.len(), 0);
+        Ok(())
+    }
+
+    /// The length that the file has at most: as if the messages since the last flush were not
+    /// compressed. After a flush it is the length of the file.
+    pub(crate) fn longest(&self) -> u64 {
+        self.flushed_length + self.pending
     }
 
     /// Finishes the file with its summary.
     pub(crate) fn finish(&mut self) -> io::Result<()> {
         self.flush()?;
         self.writer.finish().map_err(io_error)?;
-        Ok(())
+        self.note_length()
     }
 
     /// How many messages of each topic the operating system has.

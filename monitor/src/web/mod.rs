@@ -10,6 +10,7 @@
 //! host_names the names under which browsers reach the server
 //! token      the secret that a request needs
 //! requests   requests over HTTP
+//! saving     requests to save the last seconds over HTTP
 //! page       the page's own files
 //! server     routes and connections
 //! address    the address at which it listens
@@ -30,6 +31,7 @@ mod host_names;
 mod page;
 mod page_json;
 mod requests;
+mod saving;
 mod series;
 mod server;
 mod store;
@@ -61,6 +63,7 @@ pub use self::{error::WebError, token::TokenFileError};
 use crate::{
     error::MonitorError,
     monitor::Sink,
+    recording::SaveHandle,
     requests::{RequestHandle, RequestQueue},
 };
 
@@ -123,7 +126,8 @@ impl WebOptions {
         let token = self.token()?;
         let listener = address.listen()?;
         let token_file = self.web_token_file.clone();
-        Ok(Some(WebListener { address, names, listener, token, token_file, open: self.open }))
+        let (saves, open) = (None, self.open);
+        Ok(Some(WebListener { address, names, listener, token, token_file, saves, open }))
     }
 
     /// Nothing to serve, which must be what the other options mean, too.
@@ -172,6 +176,7 @@ pub struct WebListener {
     token: Option<Token>,
     /// The file that the token is from.
     token_file: Option<PathBuf>,
+    saves: Option<SaveHandle>,
     open: bool,
 }
 
@@ -179,6 +184,11 @@ impl WebListener {
     /// The address at which it listens.
     pub fn address(&self) -> io::Result<SocketAddr> {
         self.listener.local_addr()
+    }
+
+    /// Lets dashboards save what a recorder keeps, if one does.
+    pub fn saving(self, saves: Option<SaveHandle>) -> Self {
+        Self { saves, ..self }
     }
 
     /// Adds a dashboard to the sinks of a monitor; unless it is read-only, it can send requests to
@@ -205,7 +215,7 @@ impl WebListener {
         session: &SessionInfo,
         requests: Option<RequestHandle>,
     ) -> Result<WebDashboard, WebError> {
-        let Self { address, names, listener, token, token_file, open } = self;
+        let Self { address, names, listener, token, token_file, saves, open } = self;
         let token = token.filter(|_| requests.is_some());
         let local = listener.local_addr().map_err(WebError::Serve)?;
         let page = address.url(local);
@@ -215,7 +225,8 @@ impl WebListener {
         let hello = page_json::hello(session, is_read_only);
         let live = Broadcaster::new(store.clone(), hello);
         let access = AccessControl { names, token };
-        let stop = start(listener, Server { access, requests, live }).map_err(WebError::Serve)?;
+        let server = Server { access, requests, saves, live };
+        let stop = start(listener, server).map_err(WebError::Serve)?;
         match (&token_file, is_read_only) {
             // A log may be kept for long, and so may this token.
             (Some(path), false) => {

@@ -96,6 +96,7 @@ pub(super) fn refuse(status: StatusCode, reason: &str) -> Response {
     respond(status, &json!({ "accepted": false, "reason": reason }))
 }
 
-fn respond(status: StatusCode, body: &Value) -> Response {
+/// A response of JSON.
+pub(super) fn respond(status: StatusCode, body: &Value) -> Response {
     (status, [(CONTENT_TYPE, "application/json")], body.to_string()).into_response()
 }

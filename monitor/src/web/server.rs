@@ -18,8 +18,8 @@ use tokio::{
     time::{sleep, timeout},
 };
 
-use super::{access::AccessControl, broadcast::Broadcaster, page, requests, store::Cursor};
-use crate::requests::RequestHandle;
+use super::{access::AccessControl, broadcast::Broadcaster, page, requests, saving, store::Cursor};
+use crate::{recording::SaveHandle, requests::RequestHandle};
 
 /// The most connections at once.
 const CONNECTIONS: usize = 256;
@@ -40,6 +40,8 @@ pub(super) struct Server {
     pub access: AccessControl,
     /// Sends requests to the plant, unless the dashboard is read-only.
     pub requests: Option<RequestHandle>,
+    /// Saves the last seconds, if a recorder keeps them.
+    pub saves: Option<SaveHandle>,
     pub live: Broadcaster,
 }
 
@@ -52,6 +54,12 @@ impl FromRef<Server> for AccessControl {
 impl FromRef<Server> for Option<RequestHandle> {
     fn from_ref(server: &Server) -> Self {
         server.requests.clone()
+    }
+}
+
+impl FromRef<Server> for Option<SaveHandle> {
+    fn from_ref(server: &Server) -> Self {
+        server.saves.clone()
     }
 }
 
@@ -86,6 +94,7 @@ impl Server {
         page::routes()
             .route("/live", get(live))
             .route("/knob", post(requests::post))
+            .route("/save", post(saving::post))
             .layer(middleware::from_fn_with_state(self.clone(), admit))
             .layer(middleware::map_response(secure))
             .with_state(self)
