@@ -5,6 +5,7 @@
 //!
 //! ```text
 //! monitor   the loop, sources and sinks
+//! filter    leaves samples out on purpose, before displays and recordings
 //! overview  what is known of a session; all displays show the same
 //! lines     a sink: one line of text a second
 //! terminal  a sink: the dashboard in the terminal
@@ -20,6 +21,7 @@
 
 pub mod durations;
 pub mod error;
+pub mod filter;
 pub mod fleet;
 #[cfg(feature = "foxglove")]
 pub mod foxglove;

@@ -19,6 +19,7 @@ use std::{
 
 use mcap::{Compression, WriteOptions};
 use mtj_monitor::{
+    filter::Filter,
     monitor::Sink,
     recording::{
         RecordedMessage, Recording, RecordingError, SaveError, SaveHandle, SaveOutcome,
@@ -63,7 +64,8 @@ impl Drop for Folder {
 
 /// Records the messages with these options.
 fn record(options: &RecordingOptions, messages: &[Message]) {
-    let mut recorder = options.create(&scenario().bus).unwrap().unwrap().start().unwrap();
+    let mut recorder =
+        options.create(&scenario().bus, Filter::default()).unwrap().unwrap().start().unwrap();
     for message in messages {
         recorder.handle(message);
     }
@@ -244,7 +246,7 @@ fn limits_that_are_none_are_told_with_option_and_value() {
         (last("10ms"), ["--record-last '10ms'", "from 1 s"]),
         (split_at(Path::new("/nowhere/run.mcap"), "1h"), ["/nowhere/run.mcap", "No such file"]),
     ] {
-        let error = options.create(&scenario().bus).unwrap_err();
+        let error = options.create(&scenario().bus, Filter::default()).unwrap_err();
         assert!(error.is_bad_input());
         let sentence = error.to_string();
         for word in words {
@@ -264,7 +266,7 @@ impl Ring {
     fn start(folder: &Folder) -> Self {
         let last = Some("1s".to_owned());
         let options = RecordingOptions { record_last: last, ..to(&folder.file("run.mcap")) };
-        let recording = options.create(&scenario().bus).unwrap().unwrap();
+        let recording = options.create(&scenario().bus, Filter::default()).unwrap().unwrap();
         let handle = recording.save_handle().unwrap();
         let sink = recording.start().unwrap();
         assert_eq!(folder.names(), Vec::<String>::new(), "nothing is saved yet");

@@ -74,7 +74,8 @@ impl Monitor {
         // Bad input is reported before anything is started.
         terminal.check()?;
         let settings = self.bus.settings()?;
-        let recording = recording.create(&settings)?;
+        let filter = self.audience.filter.filter();
+        let recording = recording.create(&settings, filter.clone())?;
         let listener = web.listen()?;
         #[cfg(feature = "foxglove")]
         let foxglove = self.audience.foxglove.serve(&settings.session)?;
@@ -91,9 +92,7 @@ impl Monitor {
         if let Some(foxglove) = foxglove {
             sinks.push(Box::new(foxglove));
         }
-        if let Some(recording) = recording {
-            sinks.push(recording.start()?);
-        }
+        let recorder = recording.map(NewRecording::start).transpose()?;
         if self.until_stdin_closes {
             // The process that started this one waits for exactly this line.
             let _ = writeln!(io::stderr(), "{LISTENING}");
@@ -102,6 +101,8 @@ impl Monitor {
             Some(dashboard) => sinks.push(Box::new(dashboard)),
             None => sinks.push(Box::new(Lines::new(io::stdout()))),
         }
+        let mut sinks = filter.before(sinks);
+        sinks.extend(recorder);
         monitor::run(&mut source, &mut sinks, &|| shutdown.proceed())
     }
 }

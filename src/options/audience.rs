@@ -4,7 +4,8 @@ use clap::Args;
 #[cfg(feature = "foxglove")]
 use mtj_monitor::foxglove::FoxgloveOptions;
 use mtj_monitor::{
-    recording::options::RecordingOptions, terminal::TerminalOptions, web::WebOptions,
+    filter::FilterOptions, recording::options::RecordingOptions, terminal::TerminalOptions,
+    web::WebOptions,
 };
 
 /// Where a monitor shows and records what it receives
@@ -19,6 +20,9 @@ pub struct AudienceOptions {
     /// A file.
     #[command(flatten)]
     pub recording: RecordingOptions,
+    /// Which samples all of these get.
+    #[command(flatten)]
+    pub filter: FilterOptions,
     /// Foxglove.
     #[cfg(feature = "foxglove")]
     #[command(flatten)]
@@ -32,6 +36,7 @@ impl AudienceOptions {
             self.web.arguments(),
             self.terminal.arguments(),
             self.recording.arguments(),
+            self.filter.arguments(),
             #[cfg(feature = "foxglove")]
             self.foxglove.arguments(),
         ]

@@ -332,6 +332,37 @@ fn the_last_seconds_are_saved_at_a_signal_and_when_the_controller_falls_silent()
     finish(&mut monitor);
 }
 
+#[test]
+fn a_monitor_that_takes_every_tenth_sample_and_some_topics_says_that_it_missed_none() {
+    let session = Session::on("iceoryx2");
+    let (mut monitor, file) = start_recording(&session, " --every 10 --topics state,error");
+    let mut plant = session
+        .start("plant --json --scenario sampled/mtj --set duration=4s --set timing.clock=realtime");
+    let mut controller = session.start("controller");
+    report_of(&mut plant);
+    controller.signal(Signal::SIGTERM);
+    controller.wait();
+    let said = finish(&mut monitor);
+    assert!(lost_nothing(&said), "{said}");
+    assert!(said.contains(" 0 torque, "), "{said}");
+    let printed = monitor.stdout();
+    assert!(printed.contains("|e| "), "{printed}");
+    assert!(!printed.contains("missed") && !printed.contains("controller has been silent"));
+
+    let tables = session.directory.join("tables");
+    over(&session, "export", &file, &["--csv", tables.to_str().unwrap()]);
+    let sequences = |table: &str| {
+        let mut numbers = columns(&tables.join(table), &["sequence"]).concat();
+        numbers.dedup(); // The first state is repeated until a controller answers it.
+        numbers
+    };
+    let tens: Vec<f64> = (0..40).map(|i| 10.0 * f64::from(i)).collect();
+    assert_eq!(sequences("state.csv"), tens);
+    let errors = sequences("error.csv");
+    assert!(errors.iter().all(|number| tens.contains(number)) && errors.len() > 20, "{errors:?}");
+    assert!(sequences("status.csv").len() > 100, "status always passes");
+}
+
 /// A file system that is soon full, if this user may mount one.
 struct SmallDisk(PathBuf);
 

@@ -19,7 +19,7 @@ use super::{
     split::SplitLimits,
     writer::{self, RecordingWriter},
 };
-use crate::monitor::Sink;
+use crate::{filter::Filter, monitor::Sink};
 
 /// The shortest and the longest time that --record-last keeps.
 const LAST: (Duration, Duration) = (Duration::from_secs(1), Duration::from_secs(3600));
@@ -51,7 +51,10 @@ pub struct RecordingOptions {
 
 /// A recording that is ready to start, without messages yet.
 #[derive(Debug)]
-pub struct NewRecording(Kind);
+pub struct NewRecording {
+    kind: Kind,
+    filter: Filter,
+}
 
 #[derive(Debug)]
 enum Kind {
@@ -69,9 +72,15 @@ enum Kind {
 
 impl RecordingOptions {
     /// Creates the file, so that a path that cannot be written is reported before anything starts.
-    pub fn create(&self, bus: &BusSettings) -> Result<Option<NewRecording>, RecordingError> {
+    ///
+    /// Of the messages, `filter` decides which are recorded.
+    pub fn create(
+        &self,
+        bus: &BusSettings,
+        filter: Filter,
+    ) -> Result<Option<NewRecording>, RecordingError> {
         let Some(path) = self.record.clone() else { return Ok(None) };
-        let metadata = metadata(bus);
+        let metadata = metadata(bus, &filter);
         let kind = match (&self.record_split, &self.record_last) {
             (_, Some(text)) => {
                 let time = last(text)?;
@@ -94,7 +103,7 @@ impl RecordingOptions {
                 Kind::All(Box::new(PartWriter::single(path, writer)))
             }
         };
-        Ok(Some(NewRecording(kind)))
+        Ok(Some(NewRecording { kind, filter }))
     }
 
     /// The same options as arguments for another process.
@@ -116,24 +125,23 @@ fn last(text: &str) -> Result<Duration, RecordingError> {
     time.ok_or_else(|| RecordingError::Last { text: text.to_owned() })
 }
 
-fn metadata(bus: &BusSettings) -> Metadata {
+fn metadata(bus: &BusSettings, filter: &Filter) -> Metadata {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    Metadata::from(
-        [
-            ("version", env!("CARGO_PKG_VERSION").to_owned()),
-            ("protocol", mtj_protocol::sample::VERSION.to_string()),
-            ("session", bus.session.clone()),
-            ("bus", bus.kind.name().to_owned()),
-            ("since_ns", since.as_nanos().to_string()),
-        ]
-        .map(|(key, value)| (key.to_owned(), value)),
-    )
+    let entries = [
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+        ("protocol", mtj_protocol::sample::VERSION.to_string()),
+        ("session", bus.session.clone()),
+        ("bus", bus.kind.name().to_owned()),
+        ("since_ns", since.as_nanos().to_string()),
+    ]
+    .map(|(key, value)| (key.to_owned(), value));
+    entries.into_iter().chain(filter.metadata()).collect()
 }
 
 impl NewRecording {
     /// Saves what --record-last keeps; `None` for a recording of everything.
     pub fn save_handle(&self) -> Option<SaveHandle> {
-        match &self.0 {
+        match &self.kind {
             Kind::All(_) => None,
             Kind::Last { saves: (handle, _), .. } => Some(handle.clone()),
         }
@@ -141,12 +149,12 @@ impl NewRecording {
 
     /// Starts to record.
     pub fn start(self) -> Result<Box<dyn Sink>, RecordingError> {
-        let sink: Box<dyn Sink> = match self.0 {
+        let sink: Box<dyn Sink> = match self.kind {
             Kind::All(writer) => {
-                Box::new(Recorder::start(*writer).map_err(RecordingError::Thread)?)
+                Box::new(Recorder::start(*writer, self.filter).map_err(RecordingError::Thread)?)
             }
             Kind::Last { path, files, metadata, time, saves } => {
-                let ring = RingRecorder::start(&path, files, metadata, time, saves);
+                let ring = RingRecorder::start(&path, files, metadata, time, saves, self.filter);
                 Box::new(ring.map_err(RecordingError::Thread)?)
             }
         };

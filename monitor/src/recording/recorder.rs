@@ -16,7 +16,7 @@ use super::{
     timeline::Timeline,
     topic::{Counts, Topic, counts_in_words},
 };
-use crate::{error::MonitorError, monitor::Sink};
+use crate::{error::MonitorError, filter::Filter, monitor::Sink};
 
 /// How often the file is flushed: the most that a crash can lose.
 const FLUSH: Duration = Duration::from_secs(1);
@@ -33,6 +33,7 @@ const WARNING: Duration = Duration::from_secs(5);
 pub struct Recorder {
     /// The first file, for messages to the user.
     file: String,
+    filter: Filter,
     queue: Option<SyncSender<(u64, Message)>>,
     thread: Option<JoinHandle<Written>>,
     timeline: Timeline,
@@ -53,8 +54,8 @@ struct Written {
 }
 
 impl Recorder {
-    /// Starts to record with `writer`.
-    pub(super) fn start(writer: PartWriter) -> io::Result<Self> {
+    /// Starts to record what passes `filter` with `writer`.
+    pub(super) fn start(writer: PartWriter, filter: Filter) -> io::Result<Self> {
         let file = writer.path().display().to_string();
         let (queue, messages) = mpsc::sync_channel(QUEUE);
         let thread = thread::Builder::new()
@@ -63,6 +64,7 @@ impl Recorder {
         info!("recording to {file}");
         Ok(Self {
             file,
+            filter,
             queue: Some(queue),
             thread: Some(thread),
             timeline: Timeline::default(),
@@ -72,11 +74,6 @@ impl Recorder {
             warned: None,
             gaps: Gaps::default(),
         })
-    }
-
-    fn count(&mut self, message: &Message) {
-        self.received[Topic::of(message) as usize] += 1;
-        self.gaps.note(message);
     }
 
     /// Warns, not too often, when messages were lost because the disk is too slow.
@@ -135,10 +132,15 @@ pub(super) fn reason(error: &io::Error) -> String {
 
 impl Sink for Recorder {
     fn handle(&mut self, message: &Message) {
-        self.count(message);
-        let Some(queue) = &self.queue else { return };
+        // Gaps and times follow all messages, so that what is left out on purpose changes neither.
+        self.gaps.note(message);
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let log_time = self.timeline.log_time(message, now.as_nanos() as u64);
+        if !self.filter.passes(message) {
+            return;
+        }
+        self.received[Topic::of(message) as usize] += 1;
+        let Some(queue) = &self.queue else { return };
         let outcome = queue.try_send((log_time, message.clone()));
         self.overrun += u64::from(matches!(outcome, Err(mpsc::TrySendError::Full(_))));
     }
@@ -197,7 +199,8 @@ mod tests {
         let (mut disk, pipe) = io::pipe().unwrap();
         let file = File::from(OwnedFd::from(pipe));
         let writer = RecordingWriter::new(file, BTreeMap::new()).unwrap();
-        let mut recorder = Recorder::start(PartWriter::single("pipe".into(), writer)).unwrap();
+        let mut recorder =
+            Recorder::start(PartWriter::single("pipe".into(), writer), Filter::default()).unwrap();
         let received = 3 * QUEUE as u64;
         for sequence in 0..received {
             let header = Header { run: 1, sequence, ..Header::default() };

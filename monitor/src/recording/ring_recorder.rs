@@ -26,6 +26,7 @@ use super::{
 };
 use crate::{
     error::MonitorError,
+    filter::Filter,
     monitor::Sink,
     overview::{Alarm, Overview},
 };
@@ -44,6 +45,7 @@ const WARNING: Duration = Duration::from_secs(5);
 #[derive(Debug)]
 pub struct RingRecorder {
     time: Duration,
+    filter: Filter,
     ring: Ring,
     timeline: Timeline,
     gaps: Gaps,
@@ -84,19 +86,21 @@ struct Saved {
 }
 
 impl RingRecorder {
-    /// Keeps messages of this time; also returns a handle with which to save them.
+    /// Keeps the messages of this time that pass `filter`, and saves them at each request.
     pub(super) fn start(
         path: &Path,
         files: NumberedFiles,
         metadata: Metadata,
         time: Duration,
         (handle, requests): (SaveHandle, Receiver<SaveRequest>),
+        filter: Filter,
     ) -> io::Result<Self> {
         let saver = Saver::start(path.to_owned(), files, metadata)?;
         let signal = save::on_signal(handle)?;
         info!("keeping the last {time:?} for {}", path.display());
         Ok(Self {
             time,
+            filter,
             ring: Ring::new(time, MEMORY),
             timeline: Timeline::default(),
             gaps: Gaps::default(),
@@ -240,7 +244,9 @@ impl Sink for RingRecorder {
         self.gaps.note(message);
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let log_time = self.timeline.log_time(message, now.as_nanos() as u64);
-        self.ring.push(Instant::now(), log_time, message.clone());
+        if self.filter.passes(message) {
+            self.ring.push(Instant::now(), log_time, message.clone());
+        }
     }
 
     fn refresh(&mut self) -> Result<bool, MonitorError> {
