@@ -239,6 +239,27 @@ fn a_knob_turned_in_the_page_shows_in_its_error_plot() {
 }
 
 #[test]
+fn the_last_seconds_are_saved_by_a_button_that_only_such_a_monitor_shows() {
+    needs!(Browser);
+    let session = Session::on("iceoryx2");
+    let file = session.directory.join("run.mcap");
+    let record = format!("--record {} --record-last 10s", file.display());
+    let monitor = session.start(&format!("monitor --web 127.0.0.1:0 {record}"));
+    let without = session.start("monitor --web 127.0.0.1:0");
+    let _plant = session.start(PLANT);
+    let _controller = session.start("controller");
+    let browser = watch(&monitor);
+    browser.look(1440, 900, Scheme::Light);
+    browser.until("document.getElementById('save').offsetHeight > 0");
+    browser.click("#save");
+    browser.until("document.getElementById('saved').textContent.endsWith('run-0001.mcap')");
+    assert!(session.directory.join("run-0001.mcap").exists());
+    assert_eq!(browser.complaints(), Vec::<String>::new());
+    let other = watch(&without);
+    assert_eq!(other.run("return document.getElementById('save').offsetHeight"), 0);
+}
+
+#[test]
 fn a_silent_role_is_announced_until_it_is_back() {
     needs!(Browser);
     let session = Session::on("iceoryx2");

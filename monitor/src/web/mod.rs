@@ -222,7 +222,7 @@ impl WebListener {
         let url = page.clone() + &fragment(token.as_ref());
         let store = SharedStore::default();
         let is_read_only = token.is_none();
-        let hello = page_json::hello(session, is_read_only);
+        let hello = page_json::hello(session, is_read_only, saves.is_some());
         let live = Broadcaster::new(store.clone(), hello);
         let access = AccessControl { names, token };
         let server = Server { access, requests, saves, live };

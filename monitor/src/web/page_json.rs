@@ -37,13 +37,14 @@ const BINS_A_DECADE: i32 = 10;
 const DECADES: i32 = 6;
 
 /// The first message: the session and the laws.
-pub(super) fn hello(index: &SessionInfo, read_only: bool) -> String {
+pub(super) fn hello(index: &SessionInfo, read_only: bool, saves: bool) -> String {
     json!({
         "kind": "hello",
         "session": index.session,
         "bus": index.bus,
         "version": env!("CARGO_PKG_VERSION"),
         "read_only": read_only,
+        "saves": saves,
         "laws": LAWS.iter().map(|law| described(law)).collect::<Vec<_>>(),
     })
     .to_string()

@@ -274,6 +274,8 @@ export class Knobs {
     for (const button of panel.querySelectorAll("button[data-do]")) {
       button.addEventListener("click", () => this.#press(button, this.#action(button.dataset.do)));
     }
+    const save = panel.querySelector("#save");
+    save.addEventListener("click", () => this.#save(save));
     this.#showLock();
   }
 
@@ -320,17 +322,25 @@ export class Knobs {
     return { kick: { torque, milliseconds: field("kick-duration").valueAsNumber || 0 } };
   }
 
-  async #press(button, knob) {
+  async #press(button, knob, path = "/knob") {
     button.classList.add("pending");
-    const answer = await this.post(knob);
+    const answer = await this.post(knob, path);
     button.classList.remove("pending");
     this.#status.textContent = answer.accepted ? "" : answer.reason;
     this.#status.hidden = answer.accepted;
+    return answer;
+  }
+
+  /** Saves the last seconds, and says where. */
+  async #save(button) {
+    const { file } = await this.#press(button, {}, "/save");
+    this.#panel.querySelector("#saved").textContent = file ? `saved in ${file}` : "";
   }
 
   /** Takes the session of the monitor. */
   setSession(hello) {
     this.#readOnly = hello.read_only;
+    this.#panel.querySelector("#save").hidden = !hello.saves;
     this.#showLock();
     if (JSON.stringify(hello.laws) !== JSON.stringify(this.#laws)) this.#setLaws(hello.laws);
   }
@@ -358,10 +368,10 @@ export class Knobs {
     this.#panel.querySelector("button[data-do=pause]").textContent = paused ? "Resume run" : "Pause run";
   }
 
-  /** Sends a request to the plant; the result is always an answer. */
-  async post(knob) {
+  /** Sends a request to the plant, or to the monitor; the result is always an answer. */
+  async post(knob, path = "/knob") {
     try {
-      const response = await fetch("/knob", {
+      const response = await fetch(path, {
         method: "POST",
         headers: { "Content-Type": "application/json", Authorization: `Bearer ${this.#token}` },
         body: JSON.stringify(knob),
@@ -374,7 +384,7 @@ export class Knobs {
         this.#showLock("The token was refused: a monitor has another one each time it starts.");
       }
       const accepted = response.ok && answer.accepted === true;
-      return { accepted, reason: answer.reason ?? `the monitor answered ${response.status}` };
+      return { accepted, file: answer.file, reason: answer.reason ?? `the monitor answered ${response.status}` };
     } catch {
       return { accepted: false, reason: "the monitor does not answer" };
     }
