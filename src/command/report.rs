@@ -27,8 +27,11 @@ impl ReportStudy {
         let files = report::write(&self.folder, &move || shutdown.proceed())?;
         let mut out = io::stdout().lock();
         writeln!(out, "{}", files.page.display())?;
-        for Written { svg, png, .. } in files.figures {
+        for Written { svg, png, .. } in &files.figures {
             writeln!(out, "{}  {}", svg.display(), png.display())?;
+        }
+        if let Some(failed) = files.failed {
+            writeln!(out, "{failed}")?;
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 use std::{
     io::{self, Write},
     num::NonZero,
-    path::PathBuf,
+    path::{Path, PathBuf},
     thread,
 };
 
@@ -14,7 +14,7 @@ use mtj_protocol::shutdown::Shutdown;
 use mtj_study::sweep::{
     builtin::BUILT_IN,
     plan::Plan,
-    results::{self, Results, Shard},
+    results::{self, Failures, Merged, Results, Shard},
     runner,
 };
 
@@ -116,13 +116,14 @@ impl RunStudy {
         };
         let count = results.len();
         if is_complete {
+            let failures = results.failures().clone();
             results.sort()?;
-            writeln!(io::stdout(), "{count} points in {}", self.out.display())?;
-            Ok(())
+            conclude(count, &failures, &self.out)
         } else {
             Err(Failure::other(format!(
-                "stopped after {count} of {} points; run the same command again to go on",
-                plan.len()
+                "stopped after {count} of {} points{}; run the same command again to go on",
+                plan.len(),
+                failed(results.failures())
             )))
         }
     }
@@ -146,19 +147,36 @@ impl RunStudy {
 impl Merge {
     fn run(self) -> Result<(), Failure> {
         let plan = self.study.load()?;
-        let missing = results::merge(&self.folders, &plan)?;
-        let (all, first) = (plan.len(), self.folders.first());
-        if missing.is_empty() {
-            let folder = first.map_or_else(String::new, |folder| folder.display().to_string());
-            writeln!(io::stdout(), "{all} points in {folder}")?;
-            return Ok(());
+        let merged = results::merge(&self.folders, &plan)?;
+        let Merged { count, failures, missing } = merged;
+        if let (true, Some(first)) = (missing.is_empty(), self.folders.first()) {
+            return conclude(count, &failures, first);
         }
         let some: Vec<_> = missing.iter().take(10).map(usize::to_string).collect();
         let more = if missing.len() > some.len() { ", ..." } else { "" };
         Err(Failure::other(format!(
-            "{} of {all} points are missing: {}{more}",
+            "{} of {} points are missing: {}{more}{}",
             missing.len(),
-            some.join(", ")
+            plan.len(),
+            some.join(", "),
+            failed(&failures)
         )))
     }
+}
+
+/// Says how many points were run, and fails if some could not be.
+fn conclude(count: usize, failures: &Failures, folder: &Path) -> Result<(), Failure> {
+    let points = format!("{} points in {}", count - failures.count(), folder.display());
+    if failures.count() == 0 {
+        writeln!(io::stdout(), "{points}")?;
+        return Ok(());
+    }
+    let remedy = "'mtj study run' tries them again";
+    Err(Failure::other(format!("{points}{}; {remedy}", failed(failures))))
+}
+
+/// How many points failed and why, to follow a count; empty if none did.
+fn failed(failures: &Failures) -> String {
+    let reason = failures.reason().map(|reason| format!(", {} failed: {reason}", failures.count()));
+    reason.unwrap_or_default()
 }

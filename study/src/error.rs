@@ -142,6 +142,16 @@ pub enum StudyError {
         /// The study's folder.
         folder: PathBuf,
     },
+    /// No point could be run.
+    #[error(
+        "no results to report: all {count} points failed: {reason}; 'mtj study run' tries them again"
+    )]
+    AllFailed {
+        /// How many there are.
+        count: usize,
+        /// Why the first failed.
+        reason: String,
+    },
     /// The motion alone takes more torque than a joint has.
     #[error(
         "no gains satisfy the torque limit: the motion itself takes {needed:.3} N m at joint {joint}, \
@@ -195,7 +205,8 @@ impl StudyError {
             | Self::NotARow { .. }
             | Self::TwoResults { .. }
             | Self::NoResults(_)
-            | Self::NoRows { .. } => true,
+            | Self::NoRows { .. }
+            | Self::AllFailed { .. } => true,
             Self::Spawn(_)
             | Self::Append { .. }
             | Self::TorqueLimit { .. }

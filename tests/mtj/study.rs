@@ -228,12 +228,133 @@ fn a_bad_point_is_recorded_and_stops_nothing() {
     let axis = "\n[[axes]]\nname = \"step\"\nkey = \"law.memory.step\"\nvalues = [\"10 ms\", \"15 ms\", \"20 ms\"]\n";
     fs::write(&study, text + axis).unwrap();
     let out = folder.path("out");
-    assert!(run(&study, &out, &[]).status.success());
+    let output = run(&study, &out, &[]);
+    assert_eq!(output.status.code(), Some(1));
+    let sentence = last_line(&output.stderr);
+    assert!(sentence.contains("12 points in ") && sentence.contains(", 6 failed: "), "{sentence}");
     let text = results(&out);
     let (bad, good): (Vec<_>, Vec<_>) =
         text.lines().skip(1).partition(|row| row.contains("law.memory.step"));
     assert_eq!((bad.len(), good.len()), (6, 12));
     assert!(bad.iter().all(|row| row.contains("whole multiple")), "{bad:?}");
+}
+
+/// A study of two links, one of which replays a file; of three latencies, in lanes.
+fn write_replays(folder: &Folder, replayed: &str) -> PathBuf {
+    let path = folder.path("replays.toml");
+    let text = format!(
+        r#"
+scenario = "sampled/mtj"
+
+[set]
+"timing.clock" = "lockstep"
+"timing.integration_step" = "auto"
+"bus.kind" = "local"
+"duration" = "1 s"
+
+[[axes]]
+name = "network"
+variants = [
+    {{ name = "constant", set = {{ "link.state.latency" = "1 ms" }} }},
+    {{ name = "measured", set = {{ "link.state.jitter" = {{ kind = "replay", file = "{replayed}" }} }} }},
+]
+
+[[axes]]
+name = "latency"
+key = "link.torque.latency"
+values = ["0 ms", "1 ms", "2 ms"]
+"#
+    );
+    fs::write(&path, text).unwrap();
+    path
+}
+
+fn report(out: &Path) -> Output {
+    let mut command = mtj_study(&["report", out.to_str().unwrap()]);
+    command.output().unwrap()
+}
+
+fn last_line(text: &[u8]) -> String {
+    String::from_utf8_lossy(text).lines().next_back().unwrap_or_default().to_owned()
+}
+
+#[test]
+fn points_that_failed_are_counted_reported_and_tried_again_and_no_others() {
+    let folder = Folder::new("failed");
+    let replayed = folder.path("net.csv");
+    let study = write_replays(&folder, replayed.to_str().unwrap());
+    let out = folder.path("out");
+    let failed = run(&study, &out, &[]);
+    assert_eq!(failed.status.code(), Some(1));
+    let sentence = last_line(&failed.stderr);
+    let expected = format!("3 points in {}, 3 failed: the replayed latencies", out.display());
+    assert!(sentence.contains(&expected) && sentence.contains("tries them again"), "{sentence}");
+    let reported = report(&out);
+    assert!(reported.status.success());
+    let line = last_line(&reported.stdout);
+    assert!(line.starts_with("3 of 6 points failed: the replayed latencies"), "{line}");
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.matches("3 of 6 points failed").count() > 5, "the page and its figures say so");
+
+    // A row that was computed again would lose this mark.
+    let before = results(&out);
+    let row = before.lines().nth(2).unwrap();
+    let marked = row.rsplit_once(",100,").map(|(left, right)| format!("{left},123,{right}"));
+    let marked = marked.unwrap_or_else(|| panic!("no column of 100 samples: {row}"));
+    fs::write(out.join("results.csv"), before.replace(row, &marked)).unwrap();
+    fs::write(&replayed, "latency_ms\n1\n").unwrap();
+    let output = run(&study, &out, &[]);
+    assert!(output.status.success(), "{}", last_line(&output.stderr));
+    assert_eq!(last_line(&output.stdout), format!("6 points in {}", out.display()));
+    let after = results(&out);
+    assert_eq!(after.lines().nth(2), Some(&*marked));
+    // The file says a millisecond for each message, which is what the other link has.
+    let rms = |row: usize| fields(&after)[row][3].to_owned();
+    assert_eq!([rms(3), rms(4), rms(5)], [rms(0), rms(1), rms(2)]);
+    assert!(!last_line(&report(&out).stdout).contains("points failed"));
+}
+
+#[test]
+fn a_report_of_points_that_all_failed_is_an_error_and_draws_nothing() {
+    let folder = Folder::new("all-failed");
+    let study = write_replays(&folder, "nowhere.csv");
+    let set = r#"link.state.jitter={ kind = "replay", file = "nowhere.csv" }"#;
+    let text = fs::read_to_string(&study).unwrap();
+    let text = text.replace(r#""link.state.latency" = "1 ms""#, r#""seed" = 2"#);
+    fs::write(&study, text).unwrap();
+    let out = folder.path("out");
+    let output = run(&study, &out, &["--set", set]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(last_line(&output.stderr).contains("0 points in "), "{}", last_line(&output.stderr));
+    let reported = report(&out);
+    assert_eq!(reported.status.code(), Some(2));
+    let sentence = last_line(&reported.stderr);
+    assert!(sentence.contains("all 6 points failed: the replayed latencies"), "{sentence}");
+    assert!(!out.join("report.html").exists() && !out.join("figures").exists());
+}
+
+#[test]
+fn shards_with_failed_points_join_to_what_could_be_run() {
+    let folder = Folder::new("failed-shards");
+    let replayed = folder.path("net.csv");
+    let study = write_replays(&folder, replayed.to_str().unwrap());
+    let out = folder.path("out");
+    for shard in ["1/2", "2/2"] {
+        let output = run(&study, &out, &["--shard", shard]);
+        assert_eq!(output.status.code(), Some(1), "{}", last_line(&output.stderr));
+    }
+    let merge =
+        || mtj_study(&["merge", study.to_str().unwrap(), out.to_str().unwrap()]).output().unwrap();
+    let output = merge();
+    assert_eq!(output.status.code(), Some(1));
+    let sentence = last_line(&output.stderr);
+    assert!(sentence.contains(", 3 failed: the replayed latencies"), "{sentence}");
+    fs::write(&replayed, "latency_ms\n1\n").unwrap();
+    assert!(run(&study, &out, &["--shard", "1/2"]).status.success());
+    assert!(last_line(&merge().stderr).contains("4 points in "), "one shard is run again");
+    assert!(run(&study, &out, &["--shard", "2/2"]).status.success());
+    assert!(merge().status.success());
+    assert!(fields(&results(&out)).iter().all(|row| row.last() == Some(&"")));
 }
 
 #[test]
@@ -292,11 +413,13 @@ fn every_built_in_study_runs() {
     for name in list.lines().filter_map(|line| line.split_whitespace().next()) {
         let out = folder.path(name);
         let output = run(Path::new(name), &out, &["--set", "duration=100ms"]);
-        assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+        let stderr = String::from_utf8_lossy(&output.stderr);
         let text = results(&out);
         let bad = text.lines().skip(1).filter(|row| !row.ends_with(',')).count();
         // Not every memory step is a multiple of every sample period.
-        assert_eq!(bad > 0, name == "memory-step", "{name}: {bad} points could not be run");
+        let expected = if name == "memory-step" { 1 } else { 0 };
+        assert_eq!(i32::from(bad > 0), expected, "{name}: {bad} points could not be run");
+        assert_eq!(output.status.code(), Some(expected), "{name}: {stderr}");
     }
 }
 

@@ -25,28 +25,35 @@ pub(crate) const SHOWN: [(&str, &str, f64); 5] = [
 /// The meaning of the line in maps of latency over the sample period.
 const LIMIT: &str = "predicted limit, for k = 0.99 where k varies: beyond it errors grow";
 
-/// The names of the files and the SVG documents, in the order of [`SHOWN`].
+/// The names of the files and the SVG documents, in the order of [`SHOWN`]; `failed` says which
+/// points could not be run.
 pub(crate) fn all(
     plan: &Plan,
     layout: &Layout,
     aggregates: &[Aggregate],
     limits: &Limits,
+    failed: Option<&str>,
 ) -> Vec<(String, String)> {
+    let note = &note(plan, failed);
     SHOWN
         .iter()
         .map(|(column, quantity, factor)| {
             let index = measures().position(|name| name == *column).unwrap_or(0);
-            let draw = Draw { plan, layout, aggregates, limits, quantity, factor: *factor, index };
+            let draw =
+                Draw { plan, layout, aggregates, limits, note, quantity, factor: *factor, index };
             let name = quantity.split(" (").next().unwrap_or(column).replace(' ', "-");
             (name, if layout.y.is_some() { draw.maps().svg() } else { draw.trends().svg() })
         })
         .collect()
 }
 
-/// The keys that `--set` has changed, for the line below the title; empty if there are none.
-fn note(plan: &Plan) -> String {
+/// The line below the title: the keys that `--set` has changed, and what failed; empty if there is
+/// nothing to say.
+fn note(plan: &Plan, failed: Option<&str>) -> String {
     let changes: Vec<String> = plan.changes().iter().map(ToString::to_string).collect();
-    if changes.is_empty() { String::new() } else { format!("with {}", changes.join(", ")) }
+    let changes = (!changes.is_empty()).then(|| format!("with {}", changes.join(", ")));
+    let parts: Vec<String> = changes.into_iter().chain(failed.map(str::to_owned)).collect();
+    parts.join("; ")
 }
 
 struct Draw<'a> {
@@ -54,6 +61,7 @@ struct Draw<'a> {
     layout: &'a Layout,
     aggregates: &'a [Aggregate],
     limits: &'a Limits,
+    note: &'a str,
     quantity: &'a str,
     factor: f64,
     index: usize,
@@ -78,7 +86,7 @@ impl Draw<'_> {
         }
         HeatMaps {
             title: self.plan.title.clone(),
-            note: note(self.plan),
+            note: self.note.to_owned(),
             quantity: self.quantity.to_owned(),
             x: axis(x),
             y: axis(y),
@@ -101,7 +109,7 @@ impl Draw<'_> {
                 self.value(aggregate);
         }
         let (title, quantity) = (self.plan.title.clone(), self.quantity.to_owned());
-        Trends { title, note: note(self.plan), quantity, x, names, panels }
+        Trends { title, note: self.note.to_owned(), quantity, x, names, panels }
     }
 
     fn value(&self, aggregate: &Aggregate) -> CellValue {

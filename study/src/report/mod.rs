@@ -24,7 +24,10 @@ use mtj_figure::Written;
 use self::layout::Layout;
 use crate::{
     error::StudyError,
-    sweep::{plan::Plan, results},
+    sweep::{
+        plan::Plan,
+        results::{self, Failures},
+    },
 };
 
 /// The files of a report.
@@ -34,13 +37,15 @@ pub struct Files {
     pub page: PathBuf,
     /// The figures.
     pub figures: Vec<Written>,
+    /// How many points failed, and why; `None` if none did.
+    pub failed: Option<String>,
 }
 
 /// Reads a study's folder and writes its report there.
 ///
 /// # Errors
 ///
-/// If the folder has no results, or a file cannot be written.
+/// If the folder has no results, if all points failed, or if a file cannot be written.
 pub fn write(folder: &Path, proceed: &(dyn Fn() -> bool + Sync)) -> Result<Files, StudyError> {
     let plan = Plan::from_folder(folder)?;
     let rows = results::read(folder, &plan);
@@ -48,6 +53,14 @@ pub fn write(folder: &Path, proceed: &(dyn Fn() -> bool + Sync)) -> Result<Files
     if rows.is_empty() {
         return Err(StudyError::NoRows { folder: folder.to_owned() });
     }
+    let mut failures = Failures::default();
+    rows.iter().for_each(|row| failures.count_row(row));
+    let (count, failed) = (rows.len(), failures.count());
+    if failed == count {
+        let reason = failures.reason().unwrap_or_default().to_owned();
+        return Err(StudyError::AllFailed { count, reason });
+    }
+    let failed = failures.reason().map(|why| format!("{failed} of {count} points failed: {why}"));
     let layout = Layout::of(&plan);
     let aggregates = aggregate::aggregate(&plan, &layout, &rows);
     let limits = limits::predict(&plan, &layout, proceed)?;
@@ -60,13 +73,14 @@ pub fn write(folder: &Path, proceed: &(dyn Fn() -> bool + Sync)) -> Result<Files
         |source: io::Error| StudyError::File { path, source }
     };
     fs::create_dir_all(&pictures).map_err(file(&pictures))?;
-    let drawn = figures::all(&plan, &layout, &aggregates, &limits);
+    let drawn = figures::all(&plan, &layout, &aggregates, &limits, failed.as_deref());
     let figures = drawn
         .iter()
         .map(|(name, svg)| mtj_figure::write(svg, &pictures, name))
         .collect::<Result<_, _>>()?;
     let page = folder.join("report.html");
     let documents = drawn.iter().map(|(_, svg)| svg.as_str());
-    fs::write(&page, page::html(&plan, &layout, &aggregates, documents)).map_err(file(&page))?;
-    Ok(Files { page, figures })
+    let html = page::html(&plan, &layout, &aggregates, failed.as_deref(), documents);
+    fs::write(&page, html).map_err(file(&page))?;
+    Ok(Files { page, figures, failed })
 }

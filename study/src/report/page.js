@@ -63,6 +63,8 @@ document.title = data.title;
 byId("title").textContent = data.title;
 byId("summary").textContent = `${data.points} points of the scenario ${data.scenarioName}. Click a point to copy the command that replays it.`
   + (seeds.length ? " A cell shows the median of its seeds." : "");
+byId("failed").textContent = data.failed;
+byId("failed").hidden = !data.failed;
 byId("scenario").textContent = data.scenario;
 byId("study").textContent = data.study;
 draw(0);

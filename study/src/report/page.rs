@@ -21,20 +21,22 @@ pub(crate) fn html<'a>(
     plan: &Plan,
     layout: &Layout,
     aggregates: &[Aggregate],
+    failed: Option<&str>,
     figures: impl Iterator<Item = &'a str>,
 ) -> String {
     let figures: String =
         figures.map(|svg| format!("<template class=\"figure\">{svg}</template>\n")).collect();
+    let data = data(plan, layout, aggregates, failed).to_string().replace("</", "<\\/");
     // The data comes last: it may contain anything.
     TEMPLATE
         .replace("{{style}}", STYLE)
         .replace("{{script}}", SCRIPT)
         .replace("{{figures}}", &figures)
-        .replace("{{data}}", &data(plan, layout, aggregates).to_string().replace("</", "<\\/"))
+        .replace("{{data}}", &data)
 }
 
 /// Everything that the script says.
-fn data(plan: &Plan, layout: &Layout, aggregates: &[Aggregate]) -> Value {
+fn data(plan: &Plan, layout: &Layout, aggregates: &[Aggregate], failed: Option<&str>) -> Value {
     let scenario = plan.scenario(0).map(|scenario| scenario.text().to_owned());
     json!({
         "title": plan.title,
@@ -43,6 +45,7 @@ fn data(plan: &Plan, layout: &Layout, aggregates: &[Aggregate]) -> Value {
         "scenario": scenario.unwrap_or_else(|error| error.to_string()),
         "command": run_command(&plan.scenario, &plan.set),
         "points": plan.len(),
+        "failed": failed,
         "layout": layout,
         "axes": plan.axes.iter().map(axis_data).collect::<Vec<_>>(),
         "measures": measures().collect::<Vec<_>>(),

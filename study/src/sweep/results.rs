@@ -40,6 +40,41 @@ pub struct ResultRow {
     pub fields: Vec<String>,
 }
 
+impl ResultRow {
+    /// Why the point could not be run; `None` if it was.
+    pub fn error(&self) -> Option<&str> {
+        self.fields.last().map(String::as_str).filter(|error| !error.is_empty())
+    }
+}
+
+/// The points that could not be run.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Failures {
+    count: usize,
+    first: Option<(usize, String)>,
+}
+
+impl Failures {
+    /// How many points failed.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Why the point with the lowest number failed; `None` if none did.
+    pub fn reason(&self) -> Option<&str> {
+        self.first.as_ref().map(|(_, reason)| reason.as_str())
+    }
+
+    /// Counts the row of a point if it failed.
+    pub(crate) fn count_row(&mut self, row: &ResultRow) {
+        let Some(reason) = row.error() else { return };
+        self.count += 1;
+        if self.first.as_ref().is_none_or(|(point, _)| row.point < *point) {
+            self.first = Some((row.point, reason.to_owned()));
+        }
+    }
+}
+
 /// The header line of a study's results.
 pub fn columns(plan: &Plan) -> Vec<String> {
     let axes = plan.axes.iter().map(|axis| match axis.unit {
@@ -136,12 +171,14 @@ pub struct Results {
     path: PathBuf,
     file: File,
     done: BTreeMap<usize, ResultRow>,
+    failures: Failures,
     columns: Vec<String>,
 }
 
 impl Results {
     /// Opens a folder for a study, creating it if need be, and takes up the rows that are there. A
-    /// row that an interruption has cut short is removed.
+    /// row that an interruption has cut short is removed, and so is one of a point that failed:
+    /// both are computed again.
     pub fn open(folder: &Path, plan: &Plan, shard: Shard) -> Result<Self, StudyError> {
         fs::create_dir_all(folder)
             .map_err(|source| StudyError::Folder { folder: folder.to_owned(), source })?;
@@ -155,12 +192,20 @@ impl Results {
             Err(error) => return Err(at(&path)(error)),
         };
         let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
-        for row in read_rows(&path, &text[..whole], &columns)? {
-            done.insert(row.point, row);
-        }
+        let rows = read_rows(&path, &text[..whole], &columns)?;
+        let count = rows.len();
+        done.extend(
+            rows.into_iter().filter(|row| row.error().is_none()).map(|row| (row.point, row)),
+        );
+        let whole = if done.len() < count {
+            write_sorted(&path, &columns, done.values())?;
+            fs::metadata(&path).map_err(at(&path))?.len()
+        } else {
+            whole as u64
+        };
         let file = OpenOptions::new().create(true).append(true).open(&path).map_err(at(&path))?;
-        file.set_len(whole as u64).map_err(at(&path))?;
-        let mut results = Self { path, file, done, columns };
+        file.set_len(whole).map_err(at(&path))?;
+        let mut results = Self { path, file, done, failures: Failures::default(), columns };
         if whole == 0 {
             let header = results.columns.clone();
             results.append(&header).map_err(at(&results.path))?;
@@ -183,10 +228,16 @@ impl Results {
         self.done.is_empty()
     }
 
+    /// The points that have failed since the folder was opened.
+    pub fn failures(&self) -> &Failures {
+        &self.failures
+    }
+
     /// Appends a row, in one write, so that an interruption leaves at most one row cut short.
     pub fn push(&mut self, row: ResultRow) -> Result<(), StudyError> {
         self.append(&row.fields)
             .map_err(|source| StudyError::Append { path: self.path.clone(), source })?;
+        self.failures.count_row(&row);
         self.done.insert(row.point, row);
         Ok(())
     }
@@ -220,11 +271,22 @@ fn claim(folder: &Path, plan: &Plan) -> Result<(), StudyError> {
     }
 }
 
-/// Joins the results of shards, in one folder or several, into one file in the first; returns the
-/// numbers of the points that are missing.
-pub fn merge(folders: &[PathBuf], plan: &Plan) -> Result<Vec<usize>, StudyError> {
+/// The joined results of shards.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Merged {
+    /// How many points have a row.
+    pub count: usize,
+    /// Those of them that failed in every shard that has them.
+    pub failures: Failures,
+    /// The numbers of the points that no shard has.
+    pub missing: Vec<usize>,
+}
+
+/// Joins the results of shards, in one folder or several, into one file in the first. A point that
+/// failed in one and was run in another counts as run.
+pub fn merge(folders: &[PathBuf], plan: &Plan) -> Result<Merged, StudyError> {
     let columns = columns(plan);
-    let mut rows = BTreeMap::new();
+    let mut rows = BTreeMap::<usize, ResultRow>::new();
     for folder in folders {
         claim(folder, plan)?;
         let entries = fs::read_dir(folder).map_err(at(folder))?;
@@ -234,19 +296,26 @@ pub fn merge(folders: &[PathBuf], plan: &Plan) -> Result<Vec<usize>, StudyError>
                 let text = fs::read(&path).map_err(at(&path))?;
                 let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
                 for row in read_rows(&path, &text[..whole], &columns)? {
-                    if let Some(other) = rows.get(&row.point)
-                        && *other != row
-                    {
-                        return Err(StudyError::TwoResults { point: row.point, path });
+                    match rows.get(&row.point) {
+                        Some(_) if row.error().is_some() => {}
+                        Some(other) if other.error().is_none() && *other != row => {
+                            return Err(StudyError::TwoResults { point: row.point, path });
+                        }
+                        _ => {
+                            rows.insert(row.point, row);
+                        }
                     }
-                    rows.insert(row.point, row);
                 }
             }
         }
     }
-    let Some(first) = folders.first() else { return Ok((0..plan.len()).collect()) };
-    write_sorted(&first.join(Shard::ALL.file_name()), &columns, rows.values())?;
-    Ok((0..plan.len()).filter(|point| !rows.contains_key(point)).collect())
+    let missing = (0..plan.len()).filter(|point| !rows.contains_key(point)).collect();
+    let mut merged = Merged { count: rows.len(), missing, ..Merged::default() };
+    rows.values().for_each(|row| merged.failures.count_row(row));
+    if let Some(first) = folders.first() {
+        write_sorted(&first.join(Shard::ALL.file_name()), &columns, rows.values())?;
+    }
+    Ok(merged)
 }
 
 /// The rows of a folder's merged results, in order.
