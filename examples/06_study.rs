@@ -49,16 +49,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let plan = Plan::parse("example", STUDY, &[])?;
     let mut results = Results::open(&folder, &plan, Shard::ALL)?;
     runner::run_in_process(&plan, &mut results, Shard::ALL, 2, &|| true)?;
-    results.sort()?;
+    results.sort(&plan)?;
 
     // A line a law and sample period, a column a latency.
     print!("{:<30}", "rms error, mm");
     for latency in &plan.axes[2].positions {
         print!("{:>13}", format!("d = {} s", latency.label));
     }
-    for (point, row) in results::read(&folder, &plan)?.iter().enumerate() {
+    for row in results::read(&folder, &plan)? {
+        let row = row?;
         let [_, law, period, _, error, ..] = &row.fields[..] else { continue };
-        if point % plan.axes[2].positions.len() == 0 {
+        if row.point % plan.axes[2].positions.len() == 0 {
             print!("\n{:<30}", format!("{law}, T_s = {period} s"));
         }
         let error = error.parse().map_or("lost".to_owned(), |e: f64| format!("{:.2}", e * 1e3));

@@ -14,7 +14,8 @@ use mtj_protocol::shutdown::Shutdown;
 use mtj_study::sweep::{
     builtin::BUILT_IN,
     plan::Plan,
-    results::{self, Failures, Merged, Results, Shard},
+    results::{self, Failures, Results, Shard},
+    rows::Merged,
     runner,
 };
 
@@ -117,7 +118,7 @@ impl RunStudy {
         let count = results.len();
         if is_complete {
             let failures = results.failures().clone();
-            results.sort()?;
+            results.sort(&plan)?;
             conclude(count, &failures, &self.out)
         } else {
             Err(Failure::other(format!(
@@ -148,15 +149,14 @@ impl Merge {
     fn run(self) -> Result<(), Failure> {
         let plan = self.study.load()?;
         let merged = results::merge(&self.folders, &plan)?;
-        let Merged { count, failures, missing } = merged;
-        if let (true, Some(first)) = (missing.is_empty(), self.folders.first()) {
+        let Merged { count, failures, missing, first_missing } = merged;
+        if let (0, Some(first)) = (missing, self.folders.first()) {
             return conclude(count, &failures, first);
         }
-        let some: Vec<_> = missing.iter().take(10).map(usize::to_string).collect();
-        let more = if missing.len() > some.len() { ", ..." } else { "" };
+        let some: Vec<_> = first_missing.iter().map(usize::to_string).collect();
+        let more = if missing > some.len() { ", ..." } else { "" };
         Err(Failure::other(format!(
-            "{} of {} points are missing: {}{more}{}",
-            missing.len(),
+            "{missing} of {} points are missing: {}{more}{}",
             plan.len(),
             some.join(", "),
             failed(&failures)

@@ -57,7 +57,7 @@ values = [{latencies}]
 fn run(plan: &Plan, out: &Path) {
     let mut results = Results::open(out, plan, Shard::ALL).unwrap();
     assert!(runner::run_in_process(plan, &mut results, Shard::ALL, 1, &|| true).unwrap());
-    results.sort().unwrap();
+    results.sort(plan).unwrap();
 }
 
 #[test]

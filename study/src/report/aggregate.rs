@@ -39,46 +39,88 @@ pub(crate) fn measures() -> impl Iterator<Item = &'static str> {
     MEASURES.into_iter().filter(|name| !matches!(*name, "diverged" | "error"))
 }
 
-/// Takes rows together that differ in their seeds only, in the order of points.
-pub(crate) fn aggregate(plan: &Plan, layout: &Layout, rows: &[ResultRow]) -> Vec<Aggregate> {
-    let mut groups: BTreeMap<Vec<usize>, Vec<&ResultRow>> = BTreeMap::new();
-    for row in rows.iter().filter(|row| row.point < plan.len()) {
-        let mut at = indices(plan, row.point);
-        for seed in &layout.seeds {
-            at[*seed] = 0;
-        }
-        groups.entry(at).or_default().push(row);
-    }
-    groups.into_iter().map(|(at, rows)| of_group(plan, at, &rows)).collect()
+/// Rows that differ in their seeds only, taken together as they are read.
+pub(crate) struct Groups<'a> {
+    plan: &'a Plan,
+    layout: &'a Layout,
+    /// By the point at the first position of the seeds' axes.
+    groups: BTreeMap<usize, Group>,
+    /// The columns of [`measures`].
+    columns: Vec<usize>,
+    diverged: usize,
+    count: usize,
 }
 
-fn of_group(plan: &Plan, at: Vec<usize>, rows: &[&ResultRow]) -> Aggregate {
-    let column = |row: &ResultRow, name: &str| {
-        let index = MEASURES.iter().position(|known| *known == name)?;
-        row.fields.get(1 + plan.axes.len() + index).cloned()
-    };
-    let measure = |name| {
-        let numbers = rows.iter().filter_map(|row| column(row, name)?.parse::<f64>().ok());
-        let mut numbers: Vec<f64> = numbers.filter(|x| x.is_finite()).collect();
-        numbers.sort_by(f64::total_cmp);
-        let (least, greatest) = (*numbers.first()?, *numbers.last()?);
-        let middle = numbers.len() / 2;
-        let median = match numbers.len() % 2 {
-            0 => (numbers[middle - 1] + numbers[middle]) / 2.0,
-            _ => numbers[middle],
-        };
-        Some(Spread { median, least, greatest })
-    };
-    let is_diverged = |row: &&&ResultRow| column(row, "diverged").as_deref() == Some("true");
-    let errors = rows.iter().filter_map(|row| column(row, "error"));
-    Aggregate {
-        point: rows.first().map_or(0, |row| row.point),
-        at,
-        measures: measures().map(measure).collect(),
-        points: rows.len(),
-        diverged: rows.iter().filter(is_diverged).count(),
-        error: errors.into_iter().find(|error| !error.is_empty()).unwrap_or_default(),
+/// The rows of one combination of positions.
+#[derive(Default)]
+struct Group {
+    point: usize,
+    points: usize,
+    diverged: usize,
+    error: String,
+    /// The numbers of all rows, in the order of [`measures`]; NaN where there is none.
+    numbers: Vec<f64>,
+}
+
+impl<'a> Groups<'a> {
+    /// No rows yet.
+    pub(crate) fn new(plan: &'a Plan, layout: &'a Layout) -> Self {
+        let first = 1 + plan.axes.len();
+        let column = |name| MEASURES.iter().position(|known| *known == name).map(|i| first + i);
+        let columns = measures().filter_map(column).collect();
+        let diverged = column("diverged").unwrap_or(first);
+        Self { plan, layout, groups: BTreeMap::new(), columns, diverged, count: 0 }
     }
+
+    /// How many rows there are.
+    pub(crate) fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Adds a row.
+    pub(crate) fn add(&mut self, row: &ResultRow) {
+        let mut at = indices(self.plan, row.point);
+        for seed in &self.layout.seeds {
+            at[*seed] = 0;
+        }
+        let group = self.groups.entry(point(self.plan, &at)).or_default();
+        if group.points == 0 || row.point < group.point {
+            group.point = row.point;
+        }
+        group.points += 1;
+        group.diverged += usize::from(row.fields[self.diverged] == "true");
+        if let (true, Some(error)) = (group.error.is_empty(), row.error()) {
+            group.error = error.to_owned();
+        }
+        let number = |column: &usize| row.fields[*column].parse().unwrap_or(f64::NAN);
+        group.numbers.extend(self.columns.iter().map(number));
+        self.count += 1;
+    }
+
+    /// The groups, in the order of points.
+    pub(crate) fn aggregates(self) -> Vec<Aggregate> {
+        let Self { plan, groups, columns, .. } = self;
+        let aggregate = |(first, group): (usize, Group)| {
+            let Group { point, points, diverged, error, numbers } = group;
+            let measure = |i| spread(numbers.iter().skip(i).step_by(columns.len()).copied());
+            let measures = (0..columns.len()).map(measure).collect();
+            Aggregate { point, at: indices(plan, first), measures, points, diverged, error }
+        };
+        groups.into_iter().map(aggregate).collect()
+    }
+}
+
+/// Median, least and greatest of the numbers that are finite; `None` if none is.
+fn spread(numbers: impl Iterator<Item = f64>) -> Option<Spread> {
+    let mut numbers: Vec<f64> = numbers.filter(|x| x.is_finite()).collect();
+    numbers.sort_by(f64::total_cmp);
+    let (least, greatest) = (*numbers.first()?, *numbers.last()?);
+    let middle = numbers.len() / 2;
+    let median = match numbers.len() % 2 {
+        0 => (numbers[middle - 1] + numbers[middle]) / 2.0,
+        _ => numbers[middle],
+    };
+    Some(Spread { median, least, greatest })
 }
 
 /// The position on each axis of a point, as numbers.

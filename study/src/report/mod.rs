@@ -21,7 +21,7 @@ use std::{
 
 use mtj_figure::Written;
 
-use self::layout::Layout;
+use self::{aggregate::Groups, layout::Layout};
 use crate::{
     error::StudyError,
     sweep::{
@@ -50,19 +50,23 @@ pub fn write(folder: &Path, proceed: &(dyn Fn() -> bool + Sync)) -> Result<Files
     let plan = Plan::from_folder(folder)?;
     let rows = results::read(folder, &plan);
     let rows = rows.map_err(|error| StudyError::NoResults(Box::new(error)))?;
-    if rows.is_empty() {
+    let layout = Layout::of(&plan);
+    let (mut groups, mut failures) = (Groups::new(&plan, &layout), Failures::default());
+    for row in rows {
+        let row = row.map_err(|error| StudyError::NoResults(Box::new(error)))?;
+        failures.count_row(&row);
+        groups.add(&row);
+    }
+    let (count, failed) = (groups.count(), failures.count());
+    if count == 0 {
         return Err(StudyError::NoRows { folder: folder.to_owned() });
     }
-    let mut failures = Failures::default();
-    rows.iter().for_each(|row| failures.count_row(row));
-    let (count, failed) = (rows.len(), failures.count());
     if failed == count {
         let reason = failures.reason().unwrap_or_default().to_owned();
         return Err(StudyError::AllFailed { count, reason });
     }
     let failed = failures.reason().map(|why| format!("{failed} of {count} points failed: {why}"));
-    let layout = Layout::of(&plan);
-    let aggregates = aggregate::aggregate(&plan, &layout, &rows);
+    let aggregates = groups.aggregates();
     let limits = limits::predict(&plan, &layout, proceed)?;
     if !proceed() {
         return Err(StudyError::Stopped("the report was written"));

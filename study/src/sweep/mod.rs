@@ -5,7 +5,12 @@
 //! | [`plan`] | the points |
 //! | [`runner`] | computes them |
 //! | [`lanes`] | many at once |
-//! | [`results`] | their rows on disk |
+//! | [`results`] | what they measured, in a folder |
+//! | [`rows`] | the rows of its files |
+//!
+//! A study may have ten million points, so none of these holds all of them: points are made when
+//! they are computed, rows are written as they come and sorted on disk. What remains in memory is a
+//! bit for each point.
 //!
 //! A study of six points, computed in this process:
 //!
@@ -42,9 +47,9 @@
 //! let mut results = Results::open(&folder, &plan, Shard::ALL)?;
 //! let is_complete = runner::run_in_process(&plan, &mut results, Shard::ALL, 2, &|| true)?;
 //! assert!(is_complete);
-//! results.sort()?;
+//! results.sort(&plan)?;
 //!
-//! let rows = results::read(&folder, &plan)?;
+//! let rows = results::read(&folder, &plan)?.collect::<Result<Vec<_>, _>>()?;
 //! let columns = results::columns(&plan);
 //! let rms = columns.iter().position(|name| name == "rms_error_m").expect("a measure");
 //! assert_eq!(rows[5].fields[..3], ["5", "60", "0.002"]);
@@ -58,5 +63,7 @@ pub mod axis;
 pub mod builtin;
 pub mod lanes;
 pub mod plan;
+mod points;
 pub mod results;
+pub mod rows;
 pub mod runner;

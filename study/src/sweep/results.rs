@@ -1,15 +1,20 @@
 //! Results on disk: rows are appended as they come, so that an interruption loses none.
 
 use std::{
-    collections::BTreeMap,
     fs::{self, File, OpenOptions},
-    io::{self, Write},
+    io::Write,
+    iter::StepBy,
+    ops::Range,
     path::{Path, PathBuf},
 };
 
 use mtj_plant::report::Report;
 
-use super::plan::{self, Plan};
+use super::{
+    plan::{self, Plan},
+    points::PointSet,
+    rows::{Merged, Rows, Sorter, at, line},
+};
 use crate::error::StudyError;
 
 /// The measures of a point, in the order of their columns.
@@ -67,10 +72,16 @@ impl Failures {
 
     /// Counts the row of a point if it failed.
     pub(crate) fn count_row(&mut self, row: &ResultRow) {
-        let Some(reason) = row.error() else { return };
+        if let Some(reason) = row.error() {
+            self.add(row.point, || reason.to_owned());
+        }
+    }
+
+    /// Counts a point that failed.
+    pub(crate) fn add(&mut self, point: usize, reason: impl FnOnce() -> String) {
         self.count += 1;
-        if self.first.as_ref().is_none_or(|(point, _)| row.point < *point) {
-            self.first = Some((row.point, reason.to_owned()));
+        if self.first.as_ref().is_none_or(|(first, _)| point < *first) {
+            self.first = Some((point, reason()));
         }
     }
 }
@@ -156,6 +167,11 @@ impl Shard {
         point % self.of == self.index - 1
     }
 
+    /// Its points, of so many.
+    pub fn points(self, all: usize) -> StepBy<Range<usize>> {
+        (self.index - 1..all).step_by(self.of)
+    }
+
     fn file_name(&self) -> String {
         if self.of == 1 {
             "results.csv".to_owned()
@@ -170,9 +186,8 @@ impl Shard {
 pub struct Results {
     path: PathBuf,
     file: File,
-    done: BTreeMap<usize, ResultRow>,
+    done: PointSet,
     failures: Failures,
-    columns: Vec<String>,
 }
 
 impl Results {
@@ -184,38 +199,41 @@ impl Results {
             .map_err(|source| StudyError::Folder { folder: folder.to_owned(), source })?;
         claim(folder, plan)?;
         let path = folder.join(shard.file_name());
-        let columns = columns(plan);
-        let mut done = BTreeMap::new();
-        let text = match fs::read(&path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
-            Err(error) => return Err(at(&path)(error)),
-        };
-        let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
-        let rows = read_rows(&path, &text[..whole], &columns)?;
-        let count = rows.len();
-        done.extend(
-            rows.into_iter().filter(|row| row.error().is_none()).map(|row| (row.point, row)),
-        );
-        let whole = if done.len() < count {
-            write_sorted(&path, &columns, done.values())?;
-            fs::metadata(&path).map_err(at(&path))?.len()
-        } else {
-            whole as u64
-        };
-        let file = OpenOptions::new().create(true).append(true).open(&path).map_err(at(&path))?;
-        file.set_len(whole).map_err(at(&path))?;
-        let mut results = Self { path, file, done, failures: Failures::default(), columns };
-        if whole == 0 {
-            let header = results.columns.clone();
-            results.append(&header).map_err(at(&results.path))?;
+        let mut file =
+            OpenOptions::new().create(true).append(true).open(&path).map_err(at(&path))?;
+        let mut rows = Rows::open(&path, plan)?;
+        file.set_len(rows.length()).map_err(at(&path))?;
+        if rows.length() == 0 {
+            file.write_all(&line(&columns(plan)).map_err(at(&path))?).map_err(at(&path))?;
         }
-        Ok(results)
+        let (mut done, mut has_failed) = (PointSet::none_of(plan.len()), false);
+        while let Some(row) = rows.next() {
+            let row = row?;
+            if !shard.has(row.point) {
+                return Err(rows.refuse());
+            }
+            match row.error() {
+                Some(_) => has_failed = true,
+                None => done.insert(row.point),
+            }
+        }
+        if has_failed {
+            let mut sorter = Sorter::new(&path)?;
+            for row in Rows::open(&path, plan)? {
+                let row = row?;
+                if row.error().is_none() {
+                    sorter.insert(&row, &path)?;
+                }
+            }
+            sorter.finish(plan)?;
+            file = OpenOptions::new().append(true).open(&path).map_err(at(&path))?;
+        }
+        Ok(Self { path, file, done, failures: Failures::default() })
     }
 
-    /// Whether a point has its row.
-    pub fn has(&self, point: usize) -> bool {
-        self.done.contains_key(&point)
+    /// The points that have their row.
+    pub(crate) fn done(&self) -> &PointSet {
+        &self.done
     }
 
     /// How many rows there are.
@@ -225,7 +243,7 @@ impl Results {
 
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.done.is_empty()
+        self.len() == 0
     }
 
     /// The points that have failed since the folder was opened.
@@ -234,28 +252,23 @@ impl Results {
     }
 
     /// Appends a row, in one write, so that an interruption leaves at most one row cut short.
-    pub fn push(&mut self, row: ResultRow) -> Result<(), StudyError> {
-        self.append(&row.fields)
+    pub fn push(&mut self, row: &ResultRow) -> Result<(), StudyError> {
+        line(&row.fields)
+            .and_then(|text| self.file.write_all(&text))
             .map_err(|source| StudyError::Append { path: self.path.clone(), source })?;
-        self.failures.count_row(&row);
-        self.done.insert(row.point, row);
+        self.failures.count_row(row);
+        self.done.insert(row.point);
         Ok(())
     }
 
     /// Puts the rows in order, once all are there.
-    pub fn sort(self) -> Result<(), StudyError> {
-        write_sorted(&self.path, &self.columns, self.done.values())
+    pub fn sort(self, plan: &Plan) -> Result<(), StudyError> {
+        let mut sorter = Sorter::new(&self.path)?;
+        for row in Rows::open(&self.path, plan)? {
+            sorter.insert(&row?, &self.path)?;
+        }
+        sorter.finish(plan).map(|_| ())
     }
-
-    fn append(&mut self, fields: &[String]) -> io::Result<()> {
-        self.file.write_all(&line(fields)?)
-    }
-}
-
-/// A file that could not be read or written.
-fn at(path: &Path) -> impl FnOnce(io::Error) -> StudyError + use<> {
-    let path = path.to_owned();
-    |source| StudyError::File { path, source }
 }
 
 /// Notes in the folder which study it holds, or checks that it is this one.
@@ -271,106 +284,30 @@ fn claim(folder: &Path, plan: &Plan) -> Result<(), StudyError> {
     }
 }
 
-/// The joined results of shards.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Merged {
-    /// How many points have a row.
-    pub count: usize,
-    /// Those of them that failed in every shard that has them.
-    pub failures: Failures,
-    /// The numbers of the points that no shard has.
-    pub missing: Vec<usize>,
-}
-
 /// Joins the results of shards, in one folder or several, into one file in the first. A point that
 /// failed in one and was run in another counts as run.
 pub fn merge(folders: &[PathBuf], plan: &Plan) -> Result<Merged, StudyError> {
-    let columns = columns(plan);
-    let mut rows = BTreeMap::<usize, ResultRow>::new();
+    let Some(first) = folders.first() else {
+        return Ok(Merged { missing: plan.len(), ..Merged::default() });
+    };
+    let mut sorter = Sorter::new(&first.join(Shard::ALL.file_name()))?;
     for folder in folders {
         claim(folder, plan)?;
         let entries = fs::read_dir(folder).map_err(at(folder))?;
         for path in entries.flatten().map(|entry| entry.path()) {
             let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
             if name.starts_with("results") && name.ends_with(".csv") {
-                let text = fs::read(&path).map_err(at(&path))?;
-                let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
-                for row in read_rows(&path, &text[..whole], &columns)? {
-                    match rows.get(&row.point) {
-                        Some(_) if row.error().is_some() => {}
-                        Some(other) if other.error().is_none() && *other != row => {
-                            return Err(StudyError::TwoResults { point: row.point, path });
-                        }
-                        _ => {
-                            rows.insert(row.point, row);
-                        }
-                    }
+                for row in Rows::open(&path, plan)? {
+                    sorter.insert(&row?, &path)?;
                 }
             }
         }
     }
-    let missing = (0..plan.len()).filter(|point| !rows.contains_key(point)).collect();
-    let mut merged = Merged { count: rows.len(), missing, ..Merged::default() };
-    rows.values().for_each(|row| merged.failures.count_row(row));
-    if let Some(first) = folders.first() {
-        write_sorted(&first.join(Shard::ALL.file_name()), &columns, rows.values())?;
-    }
-    Ok(merged)
+    sorter.finish(plan)
 }
 
-/// The rows of a folder's merged results, in order.
-pub fn read(folder: &Path, plan: &Plan) -> Result<Vec<ResultRow>, StudyError> {
-    let path = folder.join(Shard::ALL.file_name());
-    let text = fs::read(&path).map_err(at(&path))?;
-    let mut rows = read_rows(&path, &text, &columns(plan))?;
-    rows.sort_by_key(|row| row.point);
-    Ok(rows)
-}
-
-fn read_rows(path: &Path, text: &[u8], columns: &[String]) -> Result<Vec<ResultRow>, StudyError> {
-    let mut reader = csv::ReaderBuilder::new().has_headers(false).from_reader(text);
-    let mut rows = Vec::new();
-    for (number, record) in reader.records().enumerate() {
-        let fields: Vec<String> = record
-            .map_err(|source| StudyError::Csv { path: path.to_owned(), source })?
-            .iter()
-            .map(str::to_owned)
-            .collect();
-        if number == 0 && fields == columns {
-            continue;
-        }
-        let point = fields.first().and_then(|field| field.parse().ok());
-        match point {
-            Some(point) if number > 0 && fields.len() == columns.len() => {
-                rows.push(ResultRow { point, fields });
-            }
-            _ => {
-                return Err(StudyError::NotARow { path: path.to_owned(), line: number + 1 });
-            }
-        }
-    }
-    Ok(rows)
-}
-
-fn write_sorted<'a>(
-    path: &Path,
-    columns: &[String],
-    rows: impl Iterator<Item = &'a ResultRow>,
-) -> Result<(), StudyError> {
-    let new = path.with_extension(format!("{}.new", std::process::id()));
-    let write = || -> io::Result<()> {
-        let mut text = line(columns)?;
-        for row in rows {
-            text.extend(line(&row.fields)?);
-        }
-        fs::write(&new, text)?;
-        fs::rename(&new, path)
-    };
-    write().map_err(at(path))
-}
-
-fn line(fields: &[String]) -> io::Result<Vec<u8>> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(fields)?;
-    writer.into_inner().map_err(csv::IntoInnerError::into_error)
+/// The rows of a folder's merged results, one after the other: in the order of points once the
+/// study is complete, before that as they came.
+pub fn read(folder: &Path, plan: &Plan) -> Result<Rows, StudyError> {
+    Rows::open(&folder.join(Shard::ALL.file_name()), plan)
 }

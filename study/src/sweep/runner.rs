@@ -2,7 +2,8 @@
 
 use std::{
     sync::{
-        atomic::{AtomicBool, AtomicUsize, Ordering},
+        Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
         mpsc,
     },
     thread,
@@ -16,6 +17,7 @@ use mtj_plant::plant::Outcome;
 use super::{
     lanes,
     plan::Plan,
+    points::PointSet,
     results::{self, Measured, ResultRow, Results, Shard},
 };
 use crate::error::StudyError;
@@ -33,26 +35,28 @@ pub fn run_in_process(
     threads: usize,
     proceed: &(dyn Fn() -> bool + Sync),
 ) -> Result<bool, StudyError> {
-    let todo = todo(plan, results, shard);
+    let todo = Todo::of(plan, results, shard);
     let bar = progress(plan, results, &todo);
-    let in_lanes =
-        |point: &usize| plan.scenario(*point).is_ok_and(|s| s.timing.tolerance.is_some());
-    let fewest = if todo.first().is_some_and(in_lanes) { *CHUNK.start() } else { 1 };
-    let chunk = (todo.len() / (4 * threads)).clamp(fewest, *CHUNK.end());
-    let chunks: Vec<&[usize]> = todo.chunks(chunk).collect();
-    let next = AtomicUsize::new(0);
+    let in_lanes = |point| plan.scenario(point).is_ok_and(|s| s.timing.tolerance.is_some());
+    let fewest = if todo.points().next().is_some_and(in_lanes) { *CHUNK.start() } else { 1 };
+    let chunk = (todo.count / (4 * threads)).clamp(fewest, *CHUNK.end());
+    let points = Mutex::new(todo.points());
+    let next = || -> Vec<usize> {
+        points.lock().unwrap_or_else(PoisonError::into_inner).by_ref().take(chunk).collect()
+    };
     let failed = AtomicBool::new(false);
     let (send, receive) = mpsc::sync_channel::<ResultRow>(1024);
     let outcome = thread::scope(|scope| {
         for _ in 0..threads {
-            let (chunks, next, failed, send) = (&chunks, &next, &failed, send.clone());
+            let (next, failed, send) = (&next, &failed, send.clone());
             scope.spawn(move || {
                 let go_on = || proceed() && !failed.load(Ordering::Relaxed);
                 while go_on() {
-                    let Some(points) = chunks.get(next.fetch_add(1, Ordering::Relaxed)) else {
+                    let some = next();
+                    if some.is_empty() {
                         break;
-                    };
-                    measure(plan, points, &go_on, &mut |point, measured| {
+                    }
+                    measure(plan, &some, &go_on, &mut |point, measured| {
                         if send.send(results::row(plan, point, &measured)).is_err() {
                             failed.store(true, Ordering::Relaxed);
                         }
@@ -62,7 +66,7 @@ pub fn run_in_process(
         }
         drop(send);
         for row in &receive {
-            if let Err(error) = results.push(row) {
+            if let Err(error) = results.push(&row) {
                 failed.store(true, Ordering::Relaxed);
                 // The others may be waiting to send theirs.
                 for _ in &receive {}
@@ -74,7 +78,7 @@ pub fn run_in_process(
     });
     bar.abandon();
     outcome?;
-    Ok(todo.iter().all(|point| results.has(*point)))
+    Ok(todo.is_done(results))
 }
 
 /// Computes the points of a shard that have no row yet, one after the other, by `run`: over a real
@@ -85,10 +89,10 @@ pub fn run_one_by_one(
     shard: Shard,
     run: &mut dyn FnMut(&Scenario) -> Result<Option<Outcome>, StudyError>,
 ) -> Result<bool, StudyError> {
-    let todo = todo(plan, results, shard);
+    let todo = Todo::of(plan, results, shard);
     let bar = progress(plan, results, &todo);
-    for point in &todo {
-        let measured = match plan.scenario(*point) {
+    for point in todo.points() {
+        let measured = match plan.scenario(point) {
             Err(error) => Err(error.into()),
             Ok(scenario) => match run(&scenario) {
                 Ok(Some(outcome)) => Ok(outcome.report),
@@ -96,11 +100,11 @@ pub fn run_one_by_one(
                 Err(error) => Err(error),
             },
         };
-        results.push(results::row(plan, *point, &measured))?;
+        results.push(&results::row(plan, point, &measured))?;
         bar.inc(1);
     }
     bar.abandon();
-    Ok(todo.iter().all(|point| results.has(*point)))
+    Ok(todo.is_done(results))
 }
 
 /// Some points in this thread, in lanes or not as [`lanes::shape`] has it; `on_result` takes each
@@ -126,12 +130,33 @@ pub fn measure(
     });
 }
 
-fn todo(plan: &Plan, results: &Results, shard: Shard) -> Vec<usize> {
-    (0..plan.len()).filter(|point| shard.has(*point) && !results.has(*point)).collect()
+/// The points of a shard that have no row yet.
+struct Todo {
+    shard: Shard,
+    /// How many points the study has.
+    all: usize,
+    done: PointSet,
+    count: usize,
 }
 
-fn progress(plan: &Plan, results: &Results, todo: &[usize]) -> ProgressBar {
-    let bar = ProgressBar::new((results.len() + todo.len()) as u64);
+impl Todo {
+    fn of(plan: &Plan, results: &Results, shard: Shard) -> Self {
+        let (all, done) = (plan.len(), results.done().clone());
+        Self { shard, all, count: shard.points(all).len() - done.len(), done }
+    }
+
+    fn points(&self) -> impl Iterator<Item = usize> {
+        self.shard.points(self.all).filter(|point| !self.done.has(*point))
+    }
+
+    /// Whether all of them have their row now.
+    fn is_done(&self, results: &Results) -> bool {
+        results.len() == self.done.len() + self.count
+    }
+}
+
+fn progress(plan: &Plan, results: &Results, todo: &Todo) -> ProgressBar {
+    let bar = ProgressBar::new((results.len() + todo.count) as u64);
     let template = "{prefix} {wide_bar} {pos}/{len} points, {per_sec}, {eta} left";
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
