@@ -7,7 +7,7 @@ use mtj_model::scenario::{BusKind, Override, Scenario, duration};
 use mtj_protocol::shutdown::Shutdown;
 use mtj_study::{
     experiment, shell,
-    tune::{self, Wanted, print},
+    tune::{self, Latency, LatencySource, Wanted, print},
 };
 
 use super::run::launch_roles;
@@ -52,13 +52,16 @@ impl Tune {
         }
         let given_limit =
             self.torque_limit.as_deref().map(|text| torque_limit(text, &scenario)).transpose()?;
-        let of_links = tune::mean_latency(&scenario)?;
+        let of_links = tune::link_latency(&scenario)?;
         let shutdown = Shutdown::on_signals();
         let proceed = move || shutdown.proceed();
-        let latency_s = match self.latency.as_deref() {
-            None => of_links,
-            Some("measured") => of_links + self.measured(&proceed)?,
-            Some(text) => seconds("--latency", text)?,
+        let (latency, latency_source) = match self.latency.as_deref() {
+            None => (of_links, LatencySource::Links),
+            Some("measured") => {
+                let seconds = of_links.mean_s + self.measured(&proceed)?;
+                (Latency::constant(seconds), LatencySource::Measured)
+            }
+            Some(text) => (Latency::constant(seconds("--latency", text)?), LatencySource::Given),
         };
         let (torque_limit_nm, source) = match (given_limit, &scenario.safety.torque_limit) {
             (Some(limit), _) => (limit, "given".to_owned()),
@@ -69,8 +72,7 @@ impl Tune {
                 (limit, format!("none given: {SPARE_TORQUE} x what the motion itself takes"))
             }
         };
-        let sets_latency = self.latency.is_some();
-        let wanted = Wanted { time_constant_s, torque_limit_nm, latency_s, sets_latency };
+        let wanted = Wanted { time_constant_s, torque_limit_nm, latency, latency_source };
         let proposal = tune::propose(&scenario, &wanted, &proceed)?;
         let command =
             shell::run_command(&self.scenario.scenario, &self.replay(&proposal, &wanted)?);
@@ -93,7 +95,7 @@ impl Tune {
             Override::text("timing.clock", "lockstep"),
             Override::text("bus.kind", "local"),
         ]);
-        if wanted.sets_latency {
+        if wanted.latency_source != LatencySource::Links {
             set.extend(tune::links(&scenario, wanted, 1.0));
         }
         set.extend(proposal.values.overrides(&scenario));

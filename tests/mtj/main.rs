@@ -44,4 +44,5 @@ mod soak;
 mod starting;
 mod study;
 mod terminal;
+mod tune;
 mod two_machines;

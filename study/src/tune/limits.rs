@@ -11,7 +11,7 @@ use mtj_model::{
 use nalgebra::{SMatrix, SVector};
 
 use super::{
-    MARGIN, Wanted,
+    Latency, LatencySource, Wanted,
     reason::{GainLimit, HELD_DAMPING, Problem, Rejected},
     trial,
     values::{Remedy, THRESHOLDS, Values, round_down},
@@ -70,8 +70,8 @@ pub fn motion(
     let none = Wanted {
         time_constant_s: 1.0,
         torque_limit_nm: Vec::new(),
-        latency_s: 0.0,
-        sets_latency: true,
+        latency: Latency::constant(0.0),
+        latency_source: LatencySource::Given,
     };
     let mut set = Vec::new();
     if scenario.arm.links.len() == scenario.task.axes.len() {
@@ -137,7 +137,7 @@ impl ArmProperties {
         bound
     }
 
-    /// The loop on one mass at [`MARGIN`] times the latency.
+    /// The loop on one mass at the latency with its margin.
     fn linear(&self, kd: f64, mass: f64, k: f64, remedy: Remedy, wanted: &Wanted) -> LinearLoop<1> {
         let gain = |gain| Gains::Diagonal(SVector::repeat(gain));
         let tj = TransposeJacobian { kp: gain(kd / wanted.time_constant_s), kd: gain(kd) };
@@ -148,7 +148,7 @@ impl ArmProperties {
             mass,
             model_mass: mass,
             period: self.period,
-            latency: MARGIN * wanted.latency_s,
+            latency: wanted.latency.with_margin_s(),
             memory: remedy.policy,
             predicts: remedy.predicts,
         }
@@ -160,12 +160,12 @@ impl ArmProperties {
         TRUST.min(1.0 - 2.0 * self.period / wanted.time_constant_s).max(0.0)
     }
 
-    /// Whether the loop is stable without latency, at the latency and at [`MARGIN`] times it, on
-    /// the least and the largest mass, with the k that an exponential reaches.
+    /// Whether the loop is stable without latency, at the latency and with its margin, on the least
+    /// and the largest mass, with the k that an exponential reaches.
     pub(crate) fn stands(&self, kd: f64, remedy: Remedy, wanted: &Wanted) -> bool {
         [self.masses.least, self.masses.most].into_iter().all(|mass| {
             let far = self.linear(kd, mass, self.trust(wanted), remedy, wanted);
-            [far.latency, wanted.latency_s, 0.0]
+            [far.latency, wanted.latency.mean_s, 0.0]
                 .into_iter()
                 .all(|latency| LinearLoop { latency, ..far }.spectral_radius() < 1.0)
         })
@@ -185,7 +185,7 @@ impl ArmProperties {
         while kd > LEAST_GAIN * bound.kd {
             kd *= 0.97;
             if self.stands(kd, remedy, wanted) {
-                let (latency, masses) = (wanted.latency_s, self.masses);
+                let (latency, masses) = (wanted.latency.with_margin_s(), self.masses);
                 return Ok(Bound { kd, limit: GainLimit::Latency { latency, masses } });
             }
         }
@@ -193,7 +193,7 @@ impl ArmProperties {
             kd: bound.kd,
             factor: self.trust(wanted),
             largest: self.largest_latency(bound.kd, remedy, wanted),
-            needed: MARGIN * wanted.latency_s,
+            needed: wanted.latency.with_margin_s(),
         };
         Err(Rejected { remedy, kd: None, problem })
     }
@@ -201,7 +201,7 @@ impl ArmProperties {
     /// The largest latency a remedy stands, over the masses.
     fn largest_latency(&self, kd: f64, remedy: Remedy, wanted: &Wanted) -> Option<f64> {
         let limits = [self.masses.least, self.masses.most].map(|mass| {
-            let most = (10.0 * wanted.latency_s).max(0.05);
+            let most = (10.0 * wanted.latency.with_margin_s()).max(0.05);
             self.linear(kd, mass, self.trust(wanted), remedy, wanted).largest_latency(most)
         });
         limits[0].zip(limits[1]).map(|(a, b)| a.min(b))
@@ -217,17 +217,17 @@ impl ArmProperties {
             Some(mass) => format!(
                 "; M̄ = {mass} kg lies above {:.2} kg, which K_p asks for, and below {:.2} kg, twice the least \
                  effective mass",
-                self.masses.most * (self.period + wanted.latency_s) / wanted.time_constant_s,
+                self.masses.most * (self.period + wanted.latency.mean_s) / wanted.time_constant_s,
                 2.0 * self.masses.least
             ),
         };
         format!(
-            "the linear loop stands {stands}; the latency is {:.3} ms{mass}",
-            wanted.latency_s * 1e3
+            "the linear loop stands {stands}; {:.3} ms are needed{mass}",
+            wanted.latency.with_margin_s() * 1e3
         )
     }
 
-    /// 1 − k that the loop needs at [`MARGIN`] times the latency, on the worst mass.
+    /// 1 − k that the loop needs at the latency with its margin, on the worst mass.
     pub(crate) fn least_leak(&self, values: &Values, wanted: &Wanted) -> f64 {
         let is_stable = |leak: f64| {
             [self.masses.least, self.masses.most].into_iter().all(|mass| {

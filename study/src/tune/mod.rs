@@ -35,8 +35,10 @@ pub const STARTS: usize = 5;
 /// Offset of the other starts from the scenario's own, rad. It changes where a chaotic posture
 /// goes, and hardly the torque that the start takes.
 const ASIDE: f64 = 1e-3;
-/// The latencies that are drawn for their mean.
+/// The fewest latencies that are drawn to tell how they are distributed.
 const DRAWS: usize = 4096;
+/// The share of the messages that the high latency is not exceeded by.
+const QUANTILE: f64 = 0.99;
 
 /// The requirements.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -45,11 +47,46 @@ pub struct Wanted {
     pub time_constant_s: f64,
     /// Per joint, N m.
     pub torque_limit_nm: Vec<f64>,
-    /// Sample instant to application, s.
-    pub latency_s: f64,
-    /// Whether the latency is another than the scenario's own.
-    #[serde(skip)]
-    pub sets_latency: bool,
+    /// Sample instant to application.
+    #[serde(flatten)]
+    pub latency: Latency,
+    /// Where the latency is from.
+    pub latency_source: LatencySource,
+}
+
+/// The latency from a sample instant to the application of its torque.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Latency {
+    /// On average, s.
+    #[serde(rename = "latency_s")]
+    pub mean_s: f64,
+    /// What 99 % of the messages do not exceed, s.
+    #[serde(rename = "latency_p99_s")]
+    pub p99_s: f64,
+}
+
+/// Where the latency of a proposal is from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LatencySource {
+    /// The scenario's links, with their jitter, replays and losses.
+    Links,
+    /// Given, and constant.
+    Given,
+    /// Measured on a bus and added to the mean of the links, and constant.
+    Measured,
+}
+
+impl Latency {
+    /// One that does not vary.
+    pub fn constant(seconds: f64) -> Self {
+        Self { mean_s: seconds, p99_s: seconds }
+    }
+
+    /// The latency that the linear loop must stand: [`MARGIN`] times the mean, or the high one.
+    pub(crate) fn with_margin_s(self) -> f64 {
+        self.p99_s.max(MARGIN * self.mean_s)
+    }
 }
 
 /// A verified proposal.
@@ -120,34 +157,40 @@ pub fn trials(
 /// The settings of the links for a multiple of the wanted latency.
 ///
 /// The links' own latencies, with their jitter and losses, are lengthened by a constant; a latency
-/// that is wanted instead of theirs, or none at all, takes their place.
+/// that is not theirs, or none at all, takes their place, jitter and losses included.
 pub fn links(scenario: &Scenario, wanted: &Wanted, multiple: f64) -> Vec<Override> {
     let text = |seconds: f64| duration::format(Duration::from_secs_f64(seconds));
-    if wanted.sets_latency || multiple == 0.0 {
+    if wanted.latency_source != LatencySource::Links || multiple == 0.0 {
         let constant = |link: &str, latency: f64| {
             let table = toml::Table::from_iter([("latency".to_owned(), text(latency).into())]);
             Override::value(link, table.into())
         };
-        let latency = multiple * wanted.latency_s;
+        let latency = multiple * wanted.latency.mean_s;
         return vec![constant("link.state", 0.0), constant("link.torque", latency)];
     }
     let own = scenario.link.torque.latency.as_secs_f64();
-    let longer = own + (multiple - 1.0) * wanted.latency_s;
+    let longer = own + (multiple - 1.0) * wanted.latency.mean_s;
     vec![Override::text("link.torque.latency", &text(longer))]
 }
 
-/// The mean latency of a scenario's links, both directions together, s.
-pub fn mean_latency(scenario: &Scenario) -> Result<f64, StudyError> {
-    let mean = |settings, direction| -> Result<f64, StudyError> {
-        let mut link = Link::new(settings, direction, scenario.seed).map_err(PlantError::from)?;
-        let arrived: Vec<f64> = (0..DRAWS)
-            .filter_map(|_| link.transit_ns())
-            .map(|transit_ns| transit_ns as f64 * 1e-9)
-            .collect();
-        Ok(arrived.iter().sum::<f64>() / arrived.len().max(1) as f64)
-    };
+/// The latency that a scenario's links draw, both directions together: of the messages of one run
+/// that arrive, or of more where a run is short.
+pub fn link_latency(scenario: &Scenario) -> Result<Latency, StudyError> {
     let links = &scenario.link;
-    Ok(mean(&links.state, Direction::State)? + mean(&links.torque, Direction::Torque)?)
+    let open = |settings, direction| {
+        Link::new(settings, direction, scenario.seed).map_err(PlantError::from)
+    };
+    let mut state = open(&links.state, Direction::State)?;
+    let mut torque = open(&links.torque, Direction::Torque)?;
+    let period = scenario.timing.sample_period.as_secs_f64();
+    let samples = (scenario.duration.as_secs_f64() / period) as usize;
+    let round = |_| state.transit_ns().zip(torque.transit_ns()).map(|(a, b)| a + b);
+    let mut drawn: Vec<u64> = (0..samples.max(DRAWS)).filter_map(round).collect();
+    drawn.sort_unstable();
+    let Some(last) = drawn.len().checked_sub(1) else { return Ok(Latency::constant(0.0)) };
+    let mean_ns = drawn.iter().map(|ns| *ns as f64).sum::<f64>() / drawn.len() as f64;
+    let p99_ns = drawn[(QUANTILE * last as f64).round() as usize];
+    Ok(Latency { mean_s: mean_ns * 1e-9, p99_s: p99_ns as f64 * 1e-9 })
 }
 
 /// Proposes the values with the least error from the worst start, or simpler ones that are nearly

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
-use super::{MARGIN, Proposal, STARTS, Wanted, verify::Verification};
+use super::{Latency, LatencySource, MARGIN, Proposal, STARTS, Wanted, verify::Verification};
 
 /// The `[law]` tables to paste into a scenario.
 pub fn snippet(proposal: &Proposal) -> String {
@@ -33,11 +33,7 @@ pub fn table(proposal: &Proposal, wanted: &Wanted, limit_source: &str) -> String
     let lines = [
         ("wanted", format!("K_d/K_p = {} s", wanted.time_constant_s), String::new()),
         ("torque limit", torques(&wanted.torque_limit_nm), limit_source.to_owned()),
-        (
-            "latency",
-            format!("{:.3} ms", wanted.latency_s * 1e3),
-            "sample to application, on average".to_owned(),
-        ),
+        ("latency", format!("{:.3} ms", wanted.latency.mean_s * 1e3), latency(wanted)),
         ("K_d", format!("{} N s/m", v.kd), proposal.gain_limit.to_string()),
         ("K_p", format!("{} N/m", v.kp), "K_d over the time constant".to_owned()),
         (
@@ -78,6 +74,23 @@ pub fn table(proposal: &Proposal, wanted: &Wanted, limit_source: &str) -> String
         let _ = writeln!(text, "{name:<28} {}", verification(row));
     }
     text
+}
+
+/// What the latency is, and where it is from.
+fn latency(wanted: &Wanted) -> String {
+    let Latency { p99_s, .. } = wanted.latency;
+    let source = match wanted.latency_source {
+        LatencySource::Links => "drawn from the links, jitter and replays included",
+        LatencySource::Given => "given, in place of the links' own latency, jitter and losses",
+        LatencySource::Measured => {
+            "the links' mean and the 99th percentile measured on the bus, without the links' jitter"
+        }
+    };
+    let spread = match wanted.latency_source {
+        LatencySource::Links => format!("; 99 % within {:.3} ms", p99_s * 1e3),
+        LatencySource::Given | LatencySource::Measured => String::new(),
+    };
+    format!("sample to application, on average{spread}; {source}")
 }
 
 fn verification(row: &Verification) -> String {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{MARGIN, values::Remedy};
+use super::values::Remedy;
 use crate::predict::path::Masses;
 
 /// Of K_d T_s/m < 2, which a held damping force needs, half is kept as a margin.
@@ -25,7 +25,7 @@ pub enum GainLimit {
     },
     /// The latency that the linear loop must stand.
     Latency {
-        /// Of the links, s.
+        /// With its margin, s.
         latency: f64,
         /// Effective masses along the path.
         masses: Masses,
@@ -53,7 +53,7 @@ impl fmt::Display for GainLimit {
             }
             Self::Latency { latency, masses: Masses { least, most } } => write!(
                 f,
-                "latency: the linear loop must stand {MARGIN} x {:.3} ms on {least:.2} to {most:.2} kg",
+                "latency: the linear loop must stand {:.3} ms on {least:.2} to {most:.2} kg",
                 latency * 1e3
             ),
             Self::Search { most } => write!(f, "simulation: the best of the gains up to {most}"),

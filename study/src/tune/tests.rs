@@ -8,7 +8,8 @@ fn scenario(period: &str) -> Scenario {
 fn wanted(scenario: &Scenario, time_constant_s: f64, latency_s: f64) -> Wanted {
     let motion = limits::motion(scenario, &|| true).unwrap();
     let torque_limit_nm = motion.settled_torque_nm.iter().map(|torque| 1.5 * torque).collect();
-    Wanted { time_constant_s, torque_limit_nm, latency_s, sets_latency: true }
+    let latency = Latency::constant(latency_s);
+    Wanted { time_constant_s, torque_limit_nm, latency, latency_source: LatencySource::Given }
 }
 
 fn proposals_verify(period: &str) {
@@ -104,8 +105,9 @@ fn is_at_most_the_best_by_hand(network: &[&str]) {
     let parse =
         |set: &[&str]| -> Vec<Override> { set.iter().map(|text| text.parse().unwrap()).collect() };
     let scenario = Scenario::parse("own", OWN, &parse(network)).unwrap();
-    let latency_s = mean_latency(&scenario).unwrap();
-    let wanted = Wanted { sets_latency: false, ..wanted(&scenario, 2.0, latency_s) };
+    let latency = link_latency(&scenario).unwrap();
+    let latency_source = LatencySource::Links;
+    let wanted = Wanted { latency, latency_source, ..wanted(&scenario, 2.0, 0.0) };
     let proposal = propose(&scenario, &wanted, &|| true).unwrap();
     for by_hand in BY_HAND {
         let starts = trials(&scenario, &wanted, 1.0, &parse(by_hand), 0..STARTS).unwrap();
@@ -124,4 +126,29 @@ fn a_proposal_for_an_arm_of_ones_own_is_at_most_the_best_by_hand() {
 fn a_proposal_under_jitter_and_losses_is_at_most_the_best_by_hand() {
     let jitter = r#"link.torque.jitter={ kind = "gamma", deviation = "3 ms" }"#;
     is_at_most_the_best_by_hand(&[jitter, "link.torque.dropout=0.01"]);
+}
+
+#[test]
+fn the_latency_of_links_is_what_their_distribution_or_their_file_says() {
+    let file = std::env::temp_dir().join(format!("mtj-tune-{}.csv", std::process::id()));
+    let path = file.to_str().unwrap();
+    // Two of a hundred messages take 50 ms, the others 4 ms, beside 1 ms of the link's own.
+    let latencies: String = (0..100).map(|i| if i % 50 == 7 { "50\n" } else { "4\n" }).collect();
+    std::fs::write(&file, format!("latency_ms\n{latencies}")).unwrap();
+    let drawn = |set: &[String]| {
+        let set: Vec<Override> = set.iter().map(|text| text.parse().unwrap()).collect();
+        let Latency { mean_s, p99_s } =
+            link_latency(&Scenario::load("sampled/mtj", &set).unwrap()).unwrap();
+        (mean_s * 1e3, p99_s * 1e3)
+    };
+    let is_near = |x: f64, y: f64| (x - y).abs() < 0.02 * y;
+    let replay = format!(r#"link.state.jitter={{ kind = "replay", file = "{path}" }}"#);
+    let (mean, p99) = drawn(&[replay, "link.state.latency=1ms".to_owned()]);
+    assert!(is_near(mean, 1.0 + 4.0 + 0.02 * 46.0) && is_near(p99, 51.0), "{mean}, {p99}");
+    std::fs::remove_file(&file).unwrap();
+    let uniform = r#"link.torque.jitter={ kind = "uniform", spread = "3 ms" }"#.to_owned();
+    let (mean, p99) = drawn(&["link.torque.latency=5ms".to_owned(), uniform]);
+    assert!(is_near(mean, 5.0) && is_near(p99, 2.0 + 0.99 * 6.0), "{mean}, {p99}");
+    let (mean, p99) = drawn(&["link.torque.latency=5ms".to_owned()]);
+    assert_eq!((mean, p99), (5.0, 5.0));
 }
