@@ -247,15 +247,32 @@ impl ArmProperties {
     }
 
     /// Why these thresholds.
-    pub(crate) fn explain_thresholds(&self, values: &Values, wanted: &Wanted) -> String {
+    pub(crate) fn explain_thresholds(
+        &self,
+        values: &Values,
+        wanted: &Wanted,
+        with_margin: &verify::Verification,
+    ) -> String {
         let multiple = values.error / self.initial_error;
         let k = (-self.initial_error / values.error).exp();
         let leak = match self.least_leak(values, wanted) {
             0.0 => "the loop needs no 1 - k".to_owned(),
-            leak => format!(
-                "the loop needs 1 - k = {leak:.4}, an error floor of about {:.2} mm",
-                leak * values.error * 1e3
-            ),
+            leak => {
+                let floor = leak * values.error;
+                // Theory has the worst mass all the time.
+                let comment = if floor > with_margin.worst() {
+                    " on the worst mass; the simulated error is smaller, because the arm passes that \
+                     mass only for a time"
+                } else {
+                    ""
+                };
+                format!(
+                    "at {:.3} ms the loop needs 1 - k = {leak:.4}, an error floor of about {:.2} mm\
+                     {comment}",
+                    wanted.latency.with_margin_s() * 1e3,
+                    floor * 1e3
+                )
+            }
         };
         let tried = THRESHOLDS.map(|multiple| multiple.to_string()).join(", ");
         format!(

@@ -9,6 +9,7 @@ mod limits;
 pub mod print;
 mod reason;
 mod search;
+mod simulation;
 mod values;
 mod verify;
 
@@ -23,15 +24,19 @@ use std::{ops::Range, time::Duration};
 use crate::error::StudyError;
 use limits::ArmProperties;
 pub use limits::motion;
-pub use reason::{GainLimit, Problem, Rejected};
+pub use reason::{GainLimit, Problem, Rejected, Shortfall};
 use search::Candidate;
 pub use values::{Remedy, Values};
 pub use verify::Verification;
 
 /// The loop must stand this many times the latency.
 pub const MARGIN: f64 = 1.5;
-/// The starts from which a candidate is simulated.
-pub const STARTS: usize = 5;
+/// The starts from which a proposal is verified.
+pub const STARTS: usize = 9;
+/// How long it is verified, s, or for the scenario's duration if that is longer.
+pub const VERIFIED_S: u64 = 60;
+/// The starts from which a candidate is simulated in the search.
+const SEARCHED: usize = 5;
 /// Offset of the other starts from the scenario's own, rad. It changes where a chaotic posture
 /// goes, and hardly the torque that the start takes.
 const ASIDE: f64 = 1e-3;
@@ -102,12 +107,14 @@ pub struct Proposal {
     pub threshold_reason: String,
     /// The candidates that were rejected.
     pub rejected: Vec<Rejected>,
-    /// The simulation with the latency.
+    /// The simulation with the latency, from [`STARTS`] starts and for [`VERIFIED_S`].
     pub verified: Verification,
     /// The simulation with [`MARGIN`] times the latency.
     pub with_margin: Verification,
     /// The scenario before anything is set, with the same latency.
     pub as_it_stands: Verification,
+    /// How far the proposal falls short of what is wanted.
+    pub shortfalls: Vec<Shortfall>,
 }
 
 /// The scenario in lockstep with a multiple of the wanted latency and without a torque limit, so
@@ -127,8 +134,8 @@ pub fn trial(
     Ok(Scenario::parse(&scenario.name, scenario.text(), &all)?)
 }
 
-/// The same from several starts: number 0 is the scenario's own; the others are `ASIDE` from it and
-/// draw other random numbers.
+/// The same from several starts: number 0 is the scenario's own; the others are `ASIDE` from it or
+/// less, and draw other random numbers.
 pub fn trials(
     scenario: &Scenario,
     wanted: &Wanted,
@@ -140,7 +147,9 @@ pub fn trials(
         .map(|start| {
             let mut set = set.to_vec();
             if start > 0 {
-                let aside = |joint: usize| if start >> joint & 1 == 0 { ASIDE } else { -ASIDE };
+                // The signs come round again, so that the distance has to differ.
+                let distance = ASIDE / (1 + start / SEARCHED) as f64;
+                let aside = |joint| if start >> joint & 1 == 0 { distance } else { -distance };
                 let position = scenario.arm.position.iter().enumerate();
                 let position: Vec<_> =
                     position.map(|(joint, q)| toml::Value::from(q + aside(joint))).collect();
@@ -198,11 +207,14 @@ pub fn link_latency(scenario: &Scenario) -> Result<Latency, StudyError> {
 pub fn propose(
     scenario: &Scenario,
     wanted: &Wanted,
-    proceed: &dyn Fn() -> bool,
+    proceed: &(dyn Fn() -> bool + Sync),
 ) -> Result<Proposal, StudyError> {
     let arm = ArmProperties::of(scenario, wanted, proceed)?;
     arm.check_motion(wanted)?;
-    let as_it_stands = verify::run(&trials(scenario, wanted, 1.0, &[], 0..STARTS)?, proceed)?;
+    let mut as_it_stands = verify::briefly(scenario, wanted, 1.0, &[], proceed)?;
+    if !as_it_stands.diverged {
+        as_it_stands = verify::at_length(as_it_stands, scenario, wanted, 1.0, &[], proceed)?;
+    }
     let mut rejected = Vec::new();
     let candidates = search::candidates(&arm, wanted, &mut rejected);
     let best = search::best(scenario, wanted, &arm, candidates, &mut rejected, proceed)?;
@@ -215,7 +227,8 @@ pub fn propose(
     Ok(Proposal {
         gain_limit: bound.limit_of(values.kd),
         memory_reason: arm.explain_memory(&values, wanted),
-        threshold_reason: arm.explain_thresholds(&values, wanted),
+        threshold_reason: arm.explain_thresholds(&values, wanted, &with_margin),
+        shortfalls: reason::shortfalls(wanted, &verified, &with_margin),
         values,
         rejected,
         verified,

@@ -4,7 +4,9 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
-use super::{Latency, LatencySource, MARGIN, Proposal, STARTS, Wanted, verify::Verification};
+use super::{
+    Latency, LatencySource, MARGIN, Proposal, STARTS, VERIFIED_S, Wanted, verify::Verification,
+};
 
 /// The `[law]` tables to paste into a scenario.
 pub fn snippet(proposal: &Proposal) -> String {
@@ -73,6 +75,13 @@ pub fn table(proposal: &Proposal, wanted: &Wanted, limit_source: &str) -> String
     for (name, row) in rows {
         let _ = writeln!(text, "{name:<28} {}", verification(row));
     }
+    let _ = writeln!(
+        text,
+        "Errors are over the second half of {VERIFIED_S} s, or of the scenario's duration if it is longer."
+    );
+    for shortfall in &proposal.shortfalls {
+        let _ = writeln!(text, "falls short   {shortfall}");
+    }
     text
 }
 
@@ -132,6 +141,7 @@ pub fn object(proposal: &Proposal, wanted: &Wanted, source: &str, command: &str)
         "verified": proposal.verified,
         "with_margin": proposal.with_margin,
         "as_it_stands": proposal.as_it_stands,
+        "shortfalls": proposal.shortfalls.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "command": command,
         "toml": snippet(proposal),
     })

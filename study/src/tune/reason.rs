@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::values::Remedy;
+use super::{MARGIN, STARTS, VERIFIED_S, Wanted, values::Remedy, verify::Verification};
 use crate::predict::path::Masses;
 
 /// Of K_d T_s/m < 2, which a held damping force needs, half is kept as a margin.
@@ -117,6 +117,93 @@ pub enum Problem {
         /// Of the latency.
         multiple: f64,
     },
+}
+
+/// How a proposal falls short of what is wanted.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Shortfall {
+    /// It stands the scenario's duration, but not the longer simulation.
+    #[error("from {STARTS} starts and for {VERIFIED_S} s or more, {problem}")]
+    AtLength {
+        /// The problem with it.
+        #[source]
+        problem: Problem,
+    },
+    /// The error decays at another rate.
+    #[error("the error decays with a time constant of {found:.2} s; {wanted} s was wanted")]
+    TimeConstant {
+        /// s.
+        found: f64,
+        /// s.
+        wanted: f64,
+    },
+    /// The decay of the error is too short to tell its rate.
+    #[error(
+        "whether the error decays with the wanted {wanted} s cannot be told: it is too small from \
+         the start, or does not decay far enough"
+    )]
+    Unknown {
+        /// s.
+        wanted: f64,
+    },
+    /// The error is much larger at [`MARGIN`] times the latency.
+    #[error(
+        "at {MARGIN} x the latency the worst error is {:.2} mm, {:.1} times as large as at the latency",
+        error * 1e3,
+        ratio
+    )]
+    Margin {
+        /// m.
+        error: f64,
+        /// Over the worst error at the latency.
+        ratio: f64,
+    },
+    /// The error differs much from start to start.
+    #[error("from the worst start the error is {ratio:.1} times the median")]
+    Spread {
+        /// The worst over the median.
+        ratio: f64,
+    },
+}
+
+/// The measured time constant may be off by this part: the decay is not exactly exponential.
+const NEAR: f64 = 0.25;
+/// Errors that differ by a larger factor are told.
+const ALIKE: f64 = 2.0;
+
+/// How a verified proposal falls short.
+pub(crate) fn shortfalls(
+    wanted: &Wanted,
+    verified: &Verification,
+    with_margin: &Verification,
+) -> Vec<Shortfall> {
+    let tau = wanted.time_constant_s;
+    let time_constant = match verified.time_constant_s {
+        None => Some(Shortfall::Unknown { wanted: tau }),
+        Some(found) if (found / tau - 1.0).abs() > NEAR => {
+            Some(Shortfall::TimeConstant { found, wanted: tau })
+        }
+        Some(_) => None,
+    };
+    let (worst, error) = (verified.worst(), with_margin.worst());
+    // An arm that runs away is a problem of its own.
+    let is_told = |ratio: f64| ratio > ALIKE && ratio.is_finite();
+    let ratio = error / worst;
+    let margin = is_told(ratio).then_some(Shortfall::Margin { error, ratio });
+    let ratio = worst / verified.median_rms_error_m.unwrap_or(worst);
+    let spread = is_told(ratio).then_some(Shortfall::Spread { ratio });
+    let at_length = problem(wanted, verified, with_margin);
+    let at_length = at_length.map(|problem| Shortfall::AtLength { problem });
+    at_length.into_iter().chain(time_constant).chain(margin).chain(spread).collect()
+}
+
+/// The problem with a candidate, at the latency or at [`MARGIN`] times it.
+pub(crate) fn problem(
+    wanted: &Wanted,
+    with_latency: &Verification,
+    with_margin: &Verification,
+) -> Option<Problem> {
+    with_latency.problem(wanted, 1.0).or_else(|| with_margin.problem(wanted, MARGIN))
 }
 
 fn stands(largest: Option<f64>) -> String {

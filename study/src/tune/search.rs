@@ -1,21 +1,23 @@
 //! The search for the least error.
 //!
 //! All combinations that theory allows are simulated in lanes from one start, the best from
-//! several, and the best of those are varied. The best after that are verified by the scalar path.
+//! several, and the best of those are varied. The best after that are verified: by the scalar path,
+//! and from more starts and for longer in lanes.
 
 use std::ops::Range;
 
 use mtj_model::scenario::{Override, Scenario};
+use mtj_plant::report::Report;
 
 use super::{
-    MARGIN, STARTS, Wanted,
+    MARGIN, SEARCHED, Wanted,
     limits::{ArmProperties, Bound},
-    reason::Rejected,
-    trials,
+    reason::{Rejected, problem},
+    simulation, trials,
     values::{Remedy, THRESHOLDS, Values, remedies, round, round_down},
     verify::{self, Verification},
 };
-use crate::{error::StudyError, sweep::lanes};
+use crate::error::StudyError;
 
 /// K_d is lowered by this factor from try to try.
 const LOWER: f64 = 0.85;
@@ -89,23 +91,24 @@ pub(crate) fn candidates(
 }
 
 /// The best of the candidates and of those that are like them, with what was measured of it at the
-/// latency and at [`MARGIN`] times it; `None` if none stands the test.
+/// latency and at [`MARGIN`] times it; `None` if none stands the test for the scenario's duration.
+/// Those that stand it at length are preferred.
 pub(crate) fn best(
     scenario: &Scenario,
     wanted: &Wanted,
     arm: &ArmProperties,
     candidates: Vec<Candidate>,
     rejected: &mut Vec<Rejected>,
-    proceed: &dyn Fn() -> bool,
+    proceed: &(dyn Fn() -> bool + Sync),
 ) -> Result<Option<(Candidate, Verification, Verification)>, StudyError> {
     let rank = |candidates, starts| rank(scenario, wanted, candidates, starts, proceed);
     let first = candidates.first().cloned();
     let finalists = rank(candidates, 0..1)?.into_iter().take(FINALISTS);
-    let mut ranked = rank(finalists.map(|(_, candidate)| candidate).collect(), 0..STARTS)?;
+    let mut ranked = rank(finalists.map(|(_, candidate)| candidate).collect(), 0..SEARCHED)?;
     for _ in 0..ROUNDS {
         let leading = ranked.iter().take(VARIED);
         let varied = leading.flat_map(|(_, candidate)| candidate.variations(arm, wanted)).collect();
-        ranked.extend(rank(varied, 0..STARTS)?);
+        ranked.extend(rank(varied, 0..SEARCHED)?);
         ranked.sort_by(|(a, _), (b, _)| a.total_cmp(b));
         ranked.dedup_by(|(_, a), (_, b)| a.values == b.values);
     }
@@ -113,29 +116,36 @@ pub(crate) fn best(
         // Its verification says what is wrong.
         ranked.extend(first.map(|first| (f64::INFINITY, first)));
     }
-    let mut verified = Vec::new();
+    let (mut verified, mut imperfect) = (Vec::new(), Vec::new());
     for (_, candidate) in ranked.into_iter().take(VERIFIED) {
-        if verified.len() == ENOUGH {
+        if verified.len() == ENOUGH || verified.len() + imperfect.len() == 2 * ENOUGH {
             break;
         }
         let set = candidate.values.overrides(scenario);
-        let run =
-            |latency| verify::run(&trials(scenario, wanted, latency, &set, 0..STARTS)?, proceed);
-        let (with_latency, with_margin) = (run(1.0)?, run(MARGIN)?);
-        check(proceed)?;
-        let problem = with_latency.problem(wanted, 1.0);
-        match problem.or_else(|| with_margin.problem(wanted, MARGIN)) {
-            None => verified.push((candidate, with_latency, with_margin)),
-            Some(problem) => {
-                let Values { remedy, kd, .. } = candidate.values;
-                rejected.push(Rejected { remedy, kd: Some(kd), problem });
-            }
+        let briefly = |multiple| verify::briefly(scenario, wanted, multiple, &set, proceed);
+        let (with_latency, with_margin) = (briefly(1.0)?, briefly(MARGIN)?);
+        if let Some(problem) = problem(wanted, &with_latency, &with_margin) {
+            let Values { remedy, kd, .. } = candidate.values;
+            rejected.push(Rejected { remedy, kd: Some(kd), problem });
+            continue;
         }
+        let at_length =
+            |found, multiple| verify::at_length(found, scenario, wanted, multiple, &set, proceed);
+        let (with_latency, with_margin) =
+            (at_length(with_latency, 1.0)?, at_length(with_margin, MARGIN)?);
+        check(proceed)?;
+        let list = match problem(wanted, &with_latency, &with_margin) {
+            None => &mut verified,
+            Some(_) => &mut imperfect,
+        };
+        list.push((candidate, with_latency, with_margin));
     }
-    verified.sort_by(|(_, a, _), (_, b, _)| a.worst().total_cmp(&b.worst()));
-    let least = verified.first().map_or(f64::INFINITY, |(_, least, _)| least.worst());
-    verified.retain(|(_, found, _)| found.worst() <= AS_GOOD * least);
-    Ok(verified.into_iter().min_by_key(|(candidate, ..)| candidate.values.remedy.parts()))
+    // A redundant arm without damping may gather speed for longer than the scenario lasts.
+    let mut found = if verified.is_empty() { imperfect } else { verified };
+    found.sort_by(|(_, a, _), (_, b, _)| a.worst().total_cmp(&b.worst()));
+    let least = found.first().map_or(f64::INFINITY, |(_, least, _)| least.worst());
+    found.retain(|(_, found, _)| found.worst() <= AS_GOOD * least);
+    Ok(found.into_iter().min_by_key(|(candidate, ..)| candidate.values.remedy.parts()))
 }
 
 /// Simulates candidates side by side from some starts, at the latency and at [`MARGIN`] times it;
@@ -146,7 +156,7 @@ fn rank(
     wanted: &Wanted,
     candidates: Vec<Candidate>,
     starts: Range<usize>,
-    proceed: &dyn Fn() -> bool,
+    proceed: &(dyn Fn() -> bool + Sync),
 ) -> Result<Vec<(f64, Candidate)>, StudyError> {
     let auto = Override::text("timing.integration_step", "auto");
     let mut scenarios = Vec::new();
@@ -157,15 +167,16 @@ fn rank(
             scenarios.extend(trials(scenario, wanted, multiple, &set, starts.clone())?);
         }
     }
-    let mut errors = vec![f64::INFINITY; scenarios.len()];
-    lanes::measure(&scenarios, proceed, &mut |number, measured| {
-        let Ok(report) = measured else { return };
-        let is_within = |(peak, limit): (&f64, &f64)| peak <= limit;
-        if report.peak_torque_nm.iter().zip(&wanted.torque_limit_nm).all(is_within) {
-            errors[number] = report.rms_error_m.unwrap_or(f64::INFINITY);
-        }
-    });
+    let reports = simulation::reports(&scenarios, proceed);
     check(proceed)?;
+    let error = |report: Option<Report>| {
+        let is_within = |(peak, limit): (&f64, &f64)| peak <= limit;
+        let within = |report: &Report| {
+            report.peak_torque_nm.iter().zip(&wanted.torque_limit_nm).all(is_within)
+        };
+        report.filter(within).and_then(|report| report.rms_error_m).unwrap_or(f64::INFINITY)
+    };
+    let errors: Vec<f64> = reports.into_iter().map(error).collect();
     let worst = |errors: &[f64]| errors.iter().copied().fold(0.0, f64::max);
     let mut ranked = Vec::new();
     for (errors, candidate) in errors.chunks(2 * starts.len()).zip(candidates) {

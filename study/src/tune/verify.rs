@@ -1,10 +1,12 @@
 //! Verifies a proposal by simulations of the arm.
 
-use mtj_model::scenario::Scenario;
-use mtj_plant::trace::TraceRow;
+use std::time::Duration;
+
+use mtj_model::scenario::{Override, Scenario, duration};
+use mtj_plant::{report::Report, trace::TraceRow};
 use serde::Serialize;
 
-use super::{Wanted, reason::Problem};
+use super::{SEARCHED, STARTS, VERIFIED_S, Wanted, reason::Problem, simulation, trials};
 use crate::{error::StudyError, experiment};
 
 /// The measures of simulations that differ in their start, the first from the scenario's own.
@@ -12,7 +14,7 @@ use crate::{error::StudyError, experiment};
 pub struct Verification {
     /// Whether the arm ran away, from any start.
     pub diverged: bool,
-    /// From the scenario's own start, over the second half, m.
+    /// From the scenario's own start, over the second half of the run, m.
     pub rms_error_m: Option<f64>,
     /// The median over the starts, m.
     pub median_rms_error_m: Option<f64>,
@@ -20,7 +22,7 @@ pub struct Verification {
     pub worst_rms_error_m: Option<f64>,
     /// The largest over the whole run and over the starts, per joint, N m.
     pub peak_torque_nm: Vec<f64>,
-    /// The same over the second half.
+    /// The same over the second half of the scenario's duration.
     pub settled_torque_nm: Vec<f64>,
     /// Of the initial decay, s; null where the error does not decay far enough to tell.
     pub time_constant_s: Option<f64>,
@@ -69,6 +71,37 @@ pub(crate) fn run(
         time_constant_s: runs[0].time_constant,
         growth: growth[growth.len() / 2],
     })
+}
+
+/// Runs a scenario with something set at a multiple of the latency, from the starts of the search
+/// and by the scalar path.
+pub(crate) fn briefly(
+    scenario: &Scenario,
+    wanted: &Wanted,
+    multiple: f64,
+    set: &[Override],
+    proceed: &dyn Fn() -> bool,
+) -> Result<Verification, StudyError> {
+    run(&trials(scenario, wanted, multiple, set, 0..SEARCHED)?, proceed)
+}
+
+/// The same from all starts and at length, in lanes; adds to what was found `briefly`.
+pub(crate) fn at_length(
+    briefly: Verification,
+    scenario: &Scenario,
+    wanted: &Wanted,
+    multiple: f64,
+    set: &[Override],
+    proceed: &(dyn Fn() -> bool + Sync),
+) -> Result<Verification, StudyError> {
+    let long = scenario.duration.max(Duration::from_secs(VERIFIED_S));
+    let mut set = set.to_vec();
+    set.extend([
+        Override::text("duration", &duration::format(long)),
+        Override::text("timing.integration_step", "auto"),
+    ]);
+    let starts = trials(scenario, wanted, multiple, &set, 0..STARTS)?;
+    Ok(briefly.extended(simulation::reports(&starts, proceed)))
 }
 
 fn simulate(scenario: &Scenario, proceed: &dyn Fn() -> bool) -> Result<Run, StudyError> {
@@ -122,6 +155,28 @@ fn time_constant(rows: &[TraceRow], floor: f64) -> Option<f64> {
 }
 
 impl Verification {
+    /// The same with errors and peak torques of longer runs from the starts; the first is the
+    /// scenario's own.
+    fn extended(mut self, reports: Vec<Option<Report>>) -> Self {
+        let error = |report: &Option<Report>| {
+            report.as_ref().filter(|report| !report.diverged)?.rms_error_m
+        };
+        let errors: Vec<Option<f64>> = reports.iter().map(error).collect();
+        let mut sorted: Vec<f64> = errors.iter().map(|e| e.unwrap_or(f64::INFINITY)).collect();
+        sorted.sort_by(f64::total_cmp);
+        let known = |rms: f64| rms.is_finite().then_some(rms);
+        self.diverged |= errors.contains(&None);
+        self.rms_error_m = errors[0];
+        self.median_rms_error_m = known(sorted[sorted.len() / 2]);
+        self.worst_rms_error_m = known(sorted[sorted.len() - 1]);
+        for report in reports.iter().flatten() {
+            for (peak, torque) in self.peak_torque_nm.iter_mut().zip(&report.peak_torque_nm) {
+                *peak = peak.max(*torque);
+            }
+        }
+        self
+    }
+
     /// The largest rms error over the starts; infinite if the arm runs away from one.
     pub fn worst(&self) -> f64 {
         self.worst_rms_error_m.unwrap_or(f64::INFINITY)
