@@ -9,10 +9,10 @@ use std::{
 
 use mtj_model::scenario::{Override, built_in};
 use mtj_study::{
-    StudyError, report,
+    StudyError, experiment, report,
     sweep::{
         plan::Plan,
-        results::{Results, Shard, ShardError},
+        results::{self, Results, Shard, ShardError},
         runner,
     },
 };
@@ -112,7 +112,7 @@ fn a_report_says_below_the_title_what_set_has_changed() {
     run(&plan, &folder.0);
     let files = report::write(&folder.0, &|| true).unwrap();
     let svg = fs::read_to_string(&files.figures[0].svg).unwrap();
-    assert!(svg.contains("Latencies of 1 s") && svg.contains(">with duration=2 s</text>"));
+    assert!(svg.contains("Latencies of 1 s") && svg.contains("; with duration=2 s</text>"));
     let page = fs::read_to_string(&files.page).unwrap();
     assert_eq!(page.matches(r#"<template class="figure"><svg "#).count(), files.figures.len());
     assert_eq!(svg.matches("data-at=").count(), 2, "a mark for each point");
@@ -127,4 +127,31 @@ fn a_shard_is_one_of_several() {
     for text in ["0/8", "9/8", "2", "a/b", ""] {
         assert_eq!(text.parse::<Shard>(), Err(ShardError), "{text}");
     }
+}
+
+#[test]
+fn a_report_says_which_part_of_a_run_its_measures_are_over() {
+    let folder = Folder::new("spans");
+    let plan = Plan::parse("own", &study("sampled/mtj", r#""0 ms", "1 ms""#), &[]).unwrap();
+    run(&plan, &folder.0);
+    let files = report::write(&folder.0, &|| true).unwrap();
+    for figure in &files.figures {
+        let svg = fs::read_to_string(&figure.svg).unwrap();
+        let is_error = figure.svg.file_stem().unwrap().to_str().unwrap().ends_with("error");
+        let span = if is_error { "second half" } else { "whole" };
+        assert!(svg.contains(&format!(">over the {span} of each run</text>")), "{svg}");
+    }
+    let page = fs::read_to_string(&files.page).unwrap();
+    assert!(page.contains("Errors are over the second half of each run, torques and energy over"));
+    // The whole run has a larger peak than its second half.
+    let scenario = plan.scenario(0).unwrap();
+    let trace = experiment::run_direct(&scenario, true, &|| true).unwrap().trace;
+    let peak = |from: f64| {
+        let rows = trace.iter().filter(|row| row.time >= from);
+        rows.map(|row| row.error[0].hypot(row.error[1])).fold(0.0, f64::max)
+    };
+    let row = results::read(&folder.0, &plan).unwrap().next().unwrap().unwrap();
+    let column = results::columns(&plan).iter().position(|name| name == "peak_error_m").unwrap();
+    let shown: f64 = row.fields[column].parse().unwrap();
+    assert!((shown / peak(0.5) - 1.0).abs() < 1e-6 && peak(0.0) > 1.1 * shown, "{shown}");
 }

@@ -13,13 +13,35 @@ use super::{
 };
 use crate::sweep::plan::Plan;
 
-/// The measures that have a figure: column of the results, name with unit, factor.
-pub(crate) const SHOWN: [(&str, &str, f64); 5] = [
-    ("rms_error_m", "rms error (mm)", 1e3),
-    ("peak_error_m", "peak error (mm)", 1e3),
-    ("energy_j", "energy (J)", 1.0),
-    ("peak_torque_nm", "peak torque (N m)", 1.0),
-    ("torque_step_rms_nm", "rms torque step (N m)", 1.0),
+/// A measure that has a figure.
+pub(crate) struct Shown {
+    /// The column of the results.
+    column: &'static str,
+    /// Name and unit.
+    pub(crate) quantity: &'static str,
+    /// From the column's unit to that one.
+    factor: f64,
+    /// The part of a run that it is over.
+    span: &'static str,
+}
+
+/// The span of the errors.
+pub(crate) const HALF: &str = "over the second half of each run";
+/// The span of everything else.
+pub(crate) const WHOLE: &str = "over the whole of each run";
+
+/// The measures that have a figure.
+pub(crate) const SHOWN: [Shown; 5] = [
+    Shown { column: "rms_error_m", quantity: "rms error (mm)", factor: 1e3, span: HALF },
+    Shown { column: "peak_error_m", quantity: "peak error (mm)", factor: 1e3, span: HALF },
+    Shown { column: "energy_j", quantity: "energy (J)", factor: 1.0, span: WHOLE },
+    Shown { column: "peak_torque_nm", quantity: "peak torque (N m)", factor: 1.0, span: WHOLE },
+    Shown {
+        column: "torque_step_rms_nm",
+        quantity: "rms torque step (N m)",
+        factor: 1.0,
+        span: WHOLE,
+    },
 ];
 
 /// The meaning of the line in maps of latency over the sample period.
@@ -34,11 +56,11 @@ pub(crate) fn all(
     limits: &Limits,
     failed: Option<&str>,
 ) -> Vec<(String, String)> {
-    let note = &note(plan, failed);
     SHOWN
         .iter()
-        .map(|(column, quantity, factor)| {
+        .map(|Shown { column, quantity, factor, span }| {
             let index = measures().position(|name| name == *column).unwrap_or(0);
+            let note = &note(plan, span, failed);
             let draw =
                 Draw { plan, layout, aggregates, limits, note, quantity, factor: *factor, index };
             let name = quantity.split(" (").next().unwrap_or(column).replace(' ', "-");
@@ -47,12 +69,13 @@ pub(crate) fn all(
         .collect()
 }
 
-/// The line below the title: the keys that `--set` has changed, and what failed; empty if there is
-/// nothing to say.
-fn note(plan: &Plan, failed: Option<&str>) -> String {
+/// The line below the title: the part of a run that is shown, the keys that `--set` has changed, and
+/// what failed.
+fn note(plan: &Plan, span: &str, failed: Option<&str>) -> String {
     let changes: Vec<String> = plan.changes().iter().map(ToString::to_string).collect();
     let changes = (!changes.is_empty()).then(|| format!("with {}", changes.join(", ")));
-    let parts: Vec<String> = changes.into_iter().chain(failed.map(str::to_owned)).collect();
+    let failed = failed.map(str::to_owned);
+    let parts: Vec<_> = [span.to_owned()].into_iter().chain(changes).chain(failed).collect();
     parts.join("; ")
 }
 

@@ -62,7 +62,7 @@ byId("measure").addEventListener("change", event => { held = false; draw(event.t
 document.title = data.title;
 byId("title").textContent = data.title;
 byId("summary").textContent = `${data.points} points of the scenario ${data.scenarioName}. Click a point to copy the command that replays it.`
-  + (seeds.length ? " A cell shows the median of its seeds." : "");
+  + (seeds.length ? " A cell shows the median of its seeds." : "") + ` ${data.spans}`;
 byId("failed").textContent = data.failed;
 byId("failed").hidden = !data.failed;
 byId("scenario").textContent = data.scenario;

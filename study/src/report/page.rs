@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::{
     aggregate::{Aggregate, measures},
-    figures::SHOWN,
+    figures::{HALF, SHOWN, WHOLE},
     layout::{self, Layout},
 };
 use crate::{
@@ -49,7 +49,8 @@ fn data(plan: &Plan, layout: &Layout, aggregates: &[Aggregate], failed: Option<&
         "layout": layout,
         "axes": plan.axes.iter().map(axis_data).collect::<Vec<_>>(),
         "measures": measures().collect::<Vec<_>>(),
-        "shown": SHOWN.map(|(_, title, _)| title),
+        "shown": SHOWN.map(|shown| shown.quantity),
+        "spans": format!("Errors are {HALF}, torques and energy {WHOLE}."),
         "cells": aggregates.iter().map(aggregate_data).collect::<Vec<_>>(),
     })
 }
