@@ -60,7 +60,7 @@ fn plant(endpoint: &str) -> Result<(), Box<dyn Error>> {
     let Some(bus) = AnyBus::open(&scenario.bus, Role::Plant, &proceed)? else { return Ok(()) };
     let run = run_id::fresh();
     let mut port = PlantPort::open(&bus, &scenario, run)?;
-    let watch = Watch { trace: false, round_trips: true };
+    let watch = Watch { round_trips: true, ..Watch::default() };
     let outcome = plant::run(&scenario, run, &mut port, watch, &proceed)?;
     print!("{}", outcome.report);
     Ok(())

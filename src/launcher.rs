@@ -63,6 +63,8 @@ impl LaunchError {
 pub struct Launch {
     /// The experiment, with the bus it runs on.
     pub options: ScenarioOptions,
+    /// Whether the plant waits for a reset after a divergence, rather than end.
+    pub keeps_open: bool,
     /// Where the plant writes its trace.
     pub trace: Option<std::path::PathBuf>,
     /// The monitor that shows the run, if one does.
@@ -148,6 +150,9 @@ impl Launch {
         let mut arguments = options.arguments();
         arguments.extend(self.realtime.plant().arguments());
         arguments.push("--json".to_owned());
+        if self.keeps_open {
+            arguments.push("--keep-open".to_owned());
+        }
         if let Some(trace) = &self.trace {
             arguments.extend(["--trace".to_owned(), trace.display().to_string()]);
         }

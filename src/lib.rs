@@ -118,7 +118,11 @@ pub use mtj_study::{StudyError, sweep::plan::Plan};
 ///
 /// A link that cannot be emulated, or a law that cannot answer.
 pub fn run(scenario: &Scenario) -> Result<Outcome, PlantError> {
-    mtj_study::experiment::run(&here(scenario)?, true, &|| true)
+    mtj_study::experiment::run(
+        &here(scenario)?,
+        plant::plant::Watch { trace: true, ..Default::default() },
+        &|| true,
+    )
 }
 
 /// The scenario on the bus that a run within this process has.

@@ -106,6 +106,7 @@ fn main() -> ExitCode {
         log::init(log_layer(log::lines(command.name())));
         run(command)
     };
+    log::flush();
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

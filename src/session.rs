@@ -33,10 +33,11 @@ impl Session {
         realtime: LoopRealtime,
         proceed: &dyn Fn() -> bool,
     ) -> Result<Option<Self>, StudyError> {
-        let launch = Launch { trace: None, monitor: None, options, realtime };
+        let launch = Launch { keeps_open: false, trace: None, monitor: None, options, realtime };
         let named = launch.options.load()?;
         let launch = launch.separate(&named)?;
         let scenario = launch.options.load()?;
+        launch.realtime.check(scenario.bus.wait)?;
         let set = launch.options.bus.overrides();
         Realtime::from(&launch.realtime.plant()).before_joining();
         let bus = AnyBus::open(&scenario.bus, Role::Plant, proceed)?;
@@ -66,7 +67,7 @@ impl Session {
         let is_alive = || matches!(controller.borrow_mut().try_wait(), Ok(None));
         let run = run_id::fresh();
         let mut port = PlantPort::open(&self.bus, &scenario, run)?;
-        let watch = Watch { trace: false, round_trips: true };
+        let watch = Watch { round_trips: true, ..Watch::default() };
         let go_on = || proceed() && is_alive();
         let outcome = plant::run(&scenario, run, &mut port, watch, &go_on)?;
         if !is_alive() && proceed() {

@@ -17,7 +17,7 @@ use nalgebra::SVector;
 use crate::{
     memory::Memory,
     prediction,
-    responder::{Context, Responder, Response, is_singular},
+    responder::{Context, Responder, Response},
 };
 
 /// A law with its memory, ready to answer states.
@@ -38,23 +38,13 @@ type Make = dyn Fn(&Scenario, Option<History>) -> Box<dyn Respond>;
 struct Answer {
     torque: TorqueSample,
     error: ErrorSample,
+    /// Whether the law damped an inverse for it, near a singular posture.
+    is_damped: bool,
 }
 
 /// Why a state could not be answered.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LawError {
-    /// The law needs an inverse of J, and J has none.
-    #[error(
-        "law.kind = \"{law}\" inverts the Jacobian, which is singular at t = {time} s; keep the path \
-         away from the rim of the workspace, or use a law that needs no inverse: tj, or mtj or tdc \
-         with a number for law.mass"
-    )]
-    Singular {
-        /// The law's name.
-        law: &'static str,
-        /// When, s.
-        time: f64,
-    },
     /// A law of one's own is written for another number of task axes than the scenario's task has.
     #[error("law '{law}' controls {expected} task axes, the scenario's task has {found}")]
     Axes {
@@ -182,7 +172,11 @@ impl Controller {
 
     fn made(scenario: &Scenario, make: Box<Make>) -> Self {
         let law = make(scenario, None);
-        let answer = Answer { torque: TorqueSample::default(), error: blank_error(law.name()) };
+        let answer = Answer {
+            torque: TorqueSample::default(),
+            error: blank_error(law.name()),
+            is_damped: false,
+        };
         Self { law, make, answer }
     }
 
@@ -201,7 +195,6 @@ impl Controller {
     ///
     /// # Errors
     ///
-    /// [`LawError::Singular`] where the law needs an inverse that does not exist, and
     /// [`LawError::Joints`] for a state of another arm.
     pub fn respond(&mut self, state: &StateSample) -> Result<&mut TorqueSample, LawError> {
         self.law.respond(state, &mut self.answer)?;
@@ -227,6 +220,12 @@ impl Controller {
         self.law.replace_echo(torque);
         self.answer.torque = *torque;
         Ok(())
+    }
+
+    /// Whether the law damped an inverse for the last answer, because the arm is near a singular
+    /// posture.
+    pub fn is_damped(&self) -> bool {
+        self.answer.is_damped
     }
 
     /// The tracking error and signals of the last answer, for displays.
@@ -285,6 +284,7 @@ struct ArmController<const N: usize, const M: usize, L> {
     /// For a law that has one.
     memory: Option<Memory>,
     horizon: Option<Horizon>,
+    balances_gravity: bool,
     previous: Previous<f64, M>,
     sample_period_ns: u64,
     echo_count: u64,
@@ -315,6 +315,7 @@ impl<const N: usize, const M: usize, L> ArmController<N, M, L> {
             name: description.name,
             memory: description.has_memory.then_some(memory),
             horizon: settings.prediction,
+            balances_gravity: settings.balances_gravity(&scenario.arm),
             previous,
             sample_period_ns: scenario.timing.sample_period.as_nanos() as u64,
             echo_count: description.echo.per.count(N, M) as u64,
@@ -350,20 +351,23 @@ impl<const N: usize, const M: usize, L: Equation<f64, M>> Respond for ArmControl
         let time = seconds(header.time_ns);
         let memory = self.memory.as_ref();
         let echo = memory.and_then(|memory| memory.recall(&state.applied, &state.delivered));
+        let at = Configuration::new(&q, &q_dot);
+        let at_rest = match self.balances_gravity {
+            true => Configuration::new(&q, &SVector::zeros()),
+            false => at,
+        };
         let context = Context {
             previous: self.previous,
             horizon: prediction::horizon(self.horizon, state.latency_ns),
             echo,
+            at_rest: self.balances_gravity.then_some(&at_rest),
             precomputed: self.precomputed,
         };
-        let at = Configuration::new(&q, &q_dot);
         let shown = &mut answered.error;
-        let Response { command, error, tip, .. } =
+        let Response { command, gravity, error, tip, .. } =
             self.responder.respond(time, &at, &context, &mut shown.signals);
         self.previous = Previous { time, velocity: tip.velocity };
-        if is_singular(command.condition) {
-            return Err(LawError::Singular { law: self.name, time });
-        }
+        answered.is_damped = command.damping > 0.0;
         if let Some(memory) = &mut self.memory {
             memory.store(header.time_ns, &command.echo);
         }
@@ -374,6 +378,7 @@ impl<const N: usize, const M: usize, L: Equation<f64, M>> Respond for ArmControl
             controller: 0,
             echo_count: self.echo_count,
             torque: padded(command.torque.as_slice()),
+            gravity: padded(gravity.as_slice()),
             echo: command.echo,
         };
         shown.header = header;

@@ -19,7 +19,9 @@ struct Program {
 fn main() -> ExitCode {
     let options = Program::parse().options;
     log::init(log::lines("mtj-controller"));
-    match options.run() {
+    let result = options.run();
+    log::flush();
+    match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             let _ = writeln!(io::stderr(), "mtj-controller: {error}");

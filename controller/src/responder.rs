@@ -10,6 +10,7 @@ use mtj_model::{
     task::{Previous, Task, Tip, TrackingError},
     trajectory::{Motion, Trajectory},
 };
+use nalgebra::SVector;
 
 use crate::prediction;
 
@@ -31,13 +32,15 @@ lift! { struct Responder<T, A, M> { arm, trajectory, law } }
 
 /// What an answer needs besides the measured configuration.
 #[derive(Clone, Copy, Debug)]
-pub struct Context<'a, T, P, const M: usize> {
+pub struct Context<'a, T, P, C, const M: usize> {
     /// The tip at the sample before.
     pub previous: Previous<T, M>,
     /// How far ahead to aim, s; `None` for not at all.
     pub horizon: Option<T>,
     /// The echo that the memory holds; `None` at the first sample.
     pub echo: Option<&'a Echo<T>>,
+    /// The configuration at rest, where gravity is to be balanced.
+    pub at_rest: Option<&'a C>,
     /// The desired motion at an instant, s, for which it was computed before.
     pub precomputed: Option<(T, Motion<T, P, M>)>,
 }
@@ -45,22 +48,16 @@ pub struct Context<'a, T, P, const M: usize> {
 /// An answer, with the desired motion and the tracking error that it is based on.
 #[derive(Clone, Copy, Debug)]
 pub struct Response<T, P, const N: usize, const M: usize> {
-    /// What the law answers.
+    /// What the law answers, with `gravity` in its torque.
     pub command: Command<T, N>,
+    /// The torque that balances gravity, N m; zero where that is not asked for.
+    pub gravity: SVector<T, N>,
     /// The desired motion at the instant that the law aims at.
     pub desired: Motion<T, P, M>,
     /// e and ė there.
     pub error: TrackingError<T, M>,
     /// The tip as measured, to be the previous one next time.
     pub tip: Tip<T, P, M>,
-}
-
-/// |A| |A⁻¹| beyond which a matrix A that a law inverts, J or J H⁻¹ Jᵀ, counts as singular.
-const WORST_CONDITION: f64 = 1e9;
-
-/// Whether |A| |A⁻¹| is that of a matrix without a usable inverse, or not even a number.
-pub fn is_singular(condition: f64) -> bool {
-    condition > WORST_CONDITION || condition.is_nan()
 }
 
 impl<const N: usize> Responder<f64, PlanarArm<f64, N>, MAX_AXES> {
@@ -88,7 +85,7 @@ impl<T: Scalar, A, const M: usize, L: Equation<T, M>> Responder<T, A, M, L> {
         &self,
         time: T,
         at: &A::Configuration,
-        context: &Context<'_, T, A::Point, M>,
+        context: &Context<'_, T, A::Point, A::Configuration, M>,
         signals: &mut Signals<T>,
     ) -> Response<T, A::Point, N, M>
     where
@@ -113,7 +110,12 @@ impl<T: Scalar, A, const M: usize, L: Equation<T, M>> Responder<T, A, M, L> {
             acceleration: &acceleration,
             memory: context.echo,
         };
-        let command = self.law.command(&now, signals);
-        Response { command, desired, error, tip }
+        let mut command = self.law.command(&now, signals);
+        let mut gravity = SVector::zeros();
+        if let Some(at_rest) = context.at_rest {
+            gravity = self.arm.velocity_terms(at_rest);
+            command.torque += gravity;
+        }
+        Response { command, gravity, desired, error, tip }
     }
 }

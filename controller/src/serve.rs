@@ -9,7 +9,8 @@ use mtj_model::scenario::{Scenario, Wait};
 use mtj_protocol::{
     bus::{Bus, BusError},
     member::Member,
-    port::{self, ControllerPort, Received},
+    port::{self, ControllerPort, Received, Survivor},
+    stall,
 };
 
 use crate::{Controller, LawError};
@@ -19,7 +20,7 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// How long to wait for a restarted plant's scenario before asking again.
 const PAUSE: Duration = Duration::from_millis(5);
 
-/// Why a controller stopped.
+/// Why a controller stopped. Once it has answered, nothing that fails around it stops it.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
     /// The bus failed.
@@ -62,10 +63,20 @@ pub fn serve_with(
     proceed: &dyn Fn() -> bool,
     make: &dyn Fn(&Scenario) -> Result<Controller, LawError>,
 ) -> Result<(), ServeError> {
-    while let Some(offered) = port::fetch_scenario(bus, proceed)? {
-        let wait = wait.unwrap_or(offered.scenario.bus.wait);
-        let mut port = ControllerPort::open(bus, member, &offered, wait)?;
-        serve_run(bus, &mut port, make(&offered.scenario)?, proceed)?;
+    let mut survivor = Survivor::default();
+    let mut has_served = false;
+    while proceed() {
+        let joined = port::fetch_scenario(bus, proceed).and_then(|offered| {
+            let Some(offered) = offered else { return Ok(None) };
+            let wait = wait.unwrap_or(offered.scenario.bus.wait);
+            Ok(Some((ControllerPort::open(bus, member, &offered, wait)?, offered)))
+        });
+        let joined =
+            if has_served { survivor.survive("join another run", joined) } else { joined? };
+        if let Some((mut port, offered)) = joined {
+            serve_run(bus, &mut port, make(&offered.scenario)?, &mut survivor, proceed)?;
+            has_served = true;
+        }
         thread::sleep(PAUSE);
     }
     Ok(())
@@ -76,33 +87,56 @@ fn serve_run(
     bus: &impl Bus,
     port: &mut ControllerPort,
     mut controller: Controller,
+    survivor: &mut Survivor,
     proceed: &dyn Fn() -> bool,
 ) -> Result<(), ServeError> {
+    let mut is_told = false;
     while proceed() {
-        match port.receive(Instant::now() + PATIENCE)? {
+        let until = Instant::now() + PATIENCE;
+        let received = port.receive(until);
+        if received.is_err() {
+            // A reader that fails at once would leave no processor to the rest.
+            thread::sleep(PAUSE);
+        }
+        match survivor.survive("receive states", received) {
             Some(Received::Misled) => return Ok(()),
-            Some(Received::OtherRun) if port.newer_scenario(bus)?.is_some() => return Ok(()),
-            None | Some(Received::OtherRun) => {}
+            Some(Received::OtherRun) => {
+                let newer = port.newer_scenario(bus);
+                if survivor.survive("fetch the scenario", newer).is_some() {
+                    return Ok(());
+                }
+            }
+            None => {}
             Some(Received::Repeated) => {
                 let torque = controller.answer_again(port.state());
                 if port.is_leader() {
-                    port.send(torque)?;
+                    survivor.survive("send torques", port.send(torque));
                 }
-                port.flush()?;
+                survivor.survive("publish what was sent", port.flush());
             }
             Some(Received::New) => {
                 let received = Instant::now();
-                if let Some(changed) = port.newer_scenario(bus)? {
+                if let Some(stall) = stall::stall(until, received) {
+                    stall::tell("the controller", stall, "what it missed, it cannot answer");
+                }
+                let newer = port.newer_scenario(bus);
+                if let Some(changed) = survivor.survive("fetch the scenario", newer) {
                     controller.reconfigure(&changed.scenario);
                 }
                 let torque = controller.respond(port.state())?;
                 if port.is_leader() {
                     torque.residence_ns = received.elapsed().as_nanos() as u64;
-                    port.send(torque)?;
-                    port.publish(controller.error())?;
+                    survivor.survive("send torques", port.send(torque));
+                    survivor.survive("publish errors", port.publish(controller.error()));
+                }
+                if controller.is_damped() && !std::mem::replace(&mut is_told, true) {
+                    tracing::warn!(
+                        "the arm is near a singular posture, where the law damps the inverse that it \
+                         needs: expect an error there (said once; the law's signals show it)"
+                    );
                 }
                 controller.preprocess(port.state());
-                port.flush()?;
+                survivor.survive("publish what was sent", port.flush());
             }
         }
     }

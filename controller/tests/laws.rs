@@ -283,18 +283,53 @@ fn a_model_that_is_ten_percent_too_heavy_asks_for_ten_percent_more() {
 }
 
 #[test]
-fn mb_at_a_singular_jacobian_is_an_error_and_no_number() {
-    for fold in [0.0, 1e-12, std::f64::consts::PI] {
-        let mut controller = controller(&["law.kind=mb"]);
-        let found = controller.respond(&state(2500, [0.3, fold], [1.0, 1.0]));
-        assert_eq!(found, Err(LawError::Singular { law: "mb", time: 2.5 }), "q₂ = {fold}");
-        let sentence = found.unwrap_err().to_string();
-        assert!(
-            sentence.contains("mb") && sentence.contains("singular at t = 2.5 s"),
-            "{sentence}"
-        );
-        let fine = controller.respond(&state(2510, [0.3, 0.8], [1.0, 1.0])).unwrap();
-        assert!(fine.torque.iter().all(|torque| torque.is_finite()), "and then it goes on");
+fn gravity_of_the_model_is_added_to_the_torque_and_stays_out_of_the_echo() {
+    let gravity = "arm.gravity=[0.0, -9.81]";
+    for state in states() {
+        let [q1, q2] = [state.position[0], state.position[1]];
+        let forearm = 9.81 * 3.0 * 0.5 * (q1 + q2).cos();
+        let by_hand = [9.81 * (4.0 * 0.5 + 3.0) * q1.cos() + forearm, forearm];
+        for law in [&["law.kind=tj"][..], &["law.kind=mtj"], &["law.kind=tdc", "law.mass=1.5"]] {
+            let answer = |more: &[&str]| {
+                *controller(&[law, &[gravity], more].concat()).respond(&state).unwrap()
+            };
+            let (without, with) = (answer(&[]), answer(&["law.gravity=model"]));
+            assert_eq!(with.echo, without.echo, "{law:?}");
+            assert_eq!(without.gravity, [0.0; 7]);
+            let heavy = answer(&["law.gravity=model", "law.model.mass_scale=1.5"]);
+            for joint in 0..2 {
+                let added = with.torque[joint] - without.torque[joint];
+                assert!((added - by_hand[joint]).abs() < 1e-9, "{law:?}: {added} {by_hand:?}");
+                assert!((with.gravity[joint] - by_hand[joint]).abs() < 1e-12);
+                assert!((heavy.gravity[joint] - 1.5 * by_hand[joint]).abs() < 1e-12);
+            }
+        }
+        let of_mb = |more: &[&str]| {
+            *controller(&[&["law.kind=mb", gravity], more].concat()).respond(&state).unwrap()
+        };
+        assert_eq!(of_mb(&["law.gravity=model"]), of_mb(&[]), "mb has it in its equation");
+    }
+}
+
+#[test]
+fn mb_near_a_singular_posture_damps_its_inverse_and_shows_that() {
+    let mut inverting = controller(&["law.kind=mb"]);
+    let mut before: Option<[f64; 2]> = None;
+    // The elbow passes through a stretched arm, a milliradian at a time.
+    for step in -300..=300 {
+        let fold = f64::from(step) * 1e-3;
+        let answer = inverting.respond(&state(2500, [0.3, fold], [0.0, 0.0])).unwrap();
+        let torque = [answer.torque[0], answer.torque[1]];
+        if let Some(before) = before {
+            let jump =
+                (0..2).map(|joint| (torque[joint] - before[joint]).abs()).fold(0.0, f64::max);
+            assert!(jump < 80.0, "q₂ = {fold}: {before:?} N m, then {torque:?}");
+        }
+        assert!(torque[0].abs() < 3000.0, "q₂ = {fold}: {torque:?} N m");
+        before = Some(torque);
+        let damping = inverting.error().signal("damping").unwrap()[0];
+        assert_eq!(damping > 0.0, inverting.is_damped());
+        assert_eq!(damping > 0.0, fold.abs() < 0.1, "q₂ = {fold}: {damping}");
     }
     for kind in ["law.kind=tj", "law.kind=mtj"] {
         let answer = *controller(&[kind]).respond(&state(2500, [0.3, 0.0], [1.0, 1.0])).unwrap();

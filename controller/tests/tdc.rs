@@ -10,7 +10,7 @@ use by_hand::{
     jacobian, joints, mix, norm, scenario, state, task_inertia, times, tracking_error,
     transpose_times,
 };
-use mtj_controller::{Controller, LawError};
+use mtj_controller::Controller;
 use mtj_model::scenario::{Override, Scenario, built_in};
 use mtj_protocol::sample::{StateSample, text_of};
 
@@ -226,27 +226,19 @@ fn the_mass_of_eq_11_is_one_unless_the_scenario_says_otherwise() {
 }
 
 #[test]
-fn a_task_inertia_at_a_singular_jacobian_is_an_error_and_no_number() {
+fn a_task_inertia_near_a_singular_posture_is_damped_and_says_so() {
     let tdc = ["law.kind=tdc", "law.kp=8", "law.kd=4"];
     for (law, sets) in [("tdc", &tdc[..]), ("mtj", &["law.acceleration=true"])] {
-        for fold in [0.0, 1e-12, std::f64::consts::PI] {
+        let mut inverting = controller(&[sets, &["law.mass=task-inertia"]].concat());
+        for fold in [0.0, 1e-12, 0.01, std::f64::consts::PI] {
             for shoulder in [0.3, -1.1, 2.0] {
-                let stretched = state(2500, [shoulder, fold], [1.0, 1.0]);
-                let mut inverting = controller(&[sets, &["law.mass=task-inertia"]].concat());
-                let found = inverting.respond(&stretched).copied();
-                let expected = Err(LawError::Singular { law, time: 2.5 });
-                assert_eq!(found, expected, "{law}, q = [{shoulder}, {fold}]");
-                let sentence = found.unwrap_err().to_string();
-                for word in [law, "singular at t = 2.5 s", "law.mass"] {
-                    assert!(sentence.contains(word), "'{word}' in: {sentence}");
-                }
-                assert!(!sentence.contains('\n'), "{sentence}");
-                let fine = inverting.respond(&state(2510, [0.3, 0.8], [1.0, 1.0])).unwrap();
-                assert!(fine.torque.iter().all(|torque| torque.is_finite()), "then it goes on");
-                let mut other = controller(&[sets, &["law.mass=2"]].concat());
-                let answer = other.respond(&stretched).unwrap();
-                assert!(answer.torque.iter().all(|torque| torque.is_finite()), "{law}: no inverse");
+                let answer = inverting.respond(&state(2500, [shoulder, fold], [1.0, 1.0])).unwrap();
+                let largest = answer.torque.iter().fold(0.0, |most, t| f64::max(most, t.abs()));
+                assert!(largest < 2e4, "{law}, q = [{shoulder}, {fold}]: {largest} N m");
+                assert!(inverting.is_damped(), "{law}, q = [{shoulder}, {fold}]");
             }
         }
+        inverting.respond(&state(2510, [0.3, 0.8], [1.0, 1.0])).unwrap();
+        assert!(!inverting.is_damped(), "{law}: elsewhere it is not");
     }
 }

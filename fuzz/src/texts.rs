@@ -66,7 +66,7 @@ fn check(scenario: &Scenario) {
 fn run_briefly(scenario: &Scenario) {
     let mut controller = Controller::new(scenario);
     let mut exchange = Direct::new(1, |state: &_| controller.respond(state).copied());
-    let watch = Watch { trace: true, round_trips: false };
+    let watch = Watch { trace: true, ..Watch::default() };
     match run(scenario, 1, &mut exchange, watch, &|| true) {
         Ok(outcome) => {
             assert!(outcome.trace.len() <= 10);

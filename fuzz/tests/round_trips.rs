@@ -56,10 +56,10 @@ proptest! {
     fn a_torque_comes_back(
         header in header(),
         (state_sent_ns, residence_ns, controller, echo_count) in any::<(u64, u64, u64, u64)>(),
-        (torque, echo) in (uniform7(ANY), uniform7(ANY)),
+        (torque, gravity, echo) in (uniform7(ANY), uniform7(ANY), uniform7(ANY)),
     ) {
         comes_back(&TorqueSample {
-            header, state_sent_ns, residence_ns, controller, echo_count, torque, echo,
+            header, state_sent_ns, residence_ns, controller, echo_count, torque, gravity, echo,
         });
     }
 
@@ -75,13 +75,14 @@ proptest! {
     #[test]
     fn a_status_comes_back(
         header in header(),
-        counts in any::<[u64; 9]>(),
+        counts in any::<[u64; 12]>(),
         (position, velocity, torque) in (uniform7(ANY), uniform7(ANY), uniform7(ANY)),
     ) {
-        let [phase, sent, applied, lost, late, rejected, deadline_misses, timeouts, takeovers] = counts;
+        let [phase, sent, applied, lost, too_old, late, rejected, misses, stalls, longest, timeouts, takeovers] =
+            counts;
         comes_back(&StatusSample {
-            header, phase, sent, applied, lost, late, rejected, deadline_misses, timeouts, takeovers, position,
-            velocity, torque,
+            header, phase, sent, applied, lost, too_old, late, rejected, deadline_misses: misses,
+            stalls, longest_stall_ns: longest, timeouts, takeovers, position, velocity, torque,
         });
     }
 

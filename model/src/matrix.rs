@@ -87,6 +87,54 @@ pub fn inverse<T: Scalar, const M: usize>(a: &SMatrix<T, M, M>) -> SMatrix<T, M,
     inverse
 }
 
+/// |A| |A⁻¹| up to which a matrix A that a law inverts is inverted as it is.
+const WELL_CONDITIONED: f64 = 50.0;
+
+/// A⁻¹, or near a singular A its damped least squares: (Aᵀ A + λ² 1)⁻¹ Aᵀ, which is bounded and
+/// continuous in A. Also returns the damping, 0 where there is none, to 1 where A is singular.
+///
+/// λ² = (|A| / 50)² (1 − (50 / κ)²) for a condition κ = |A| |A⁻¹| beyond 50.
+#[inline(always)]
+pub fn damped_inverse<T: Scalar, const M: usize>(a: &SMatrix<T, M, M>) -> (SMatrix<T, M, M>, T) {
+    let exact = inverse(a);
+    let (size_of_a, limit) = (size(a), T::constant(WELL_CONDITIONED));
+    let (is_well, damping) = damping(size_of_a * size(&exact), limit);
+    let scale = size_of_a / limit;
+    let mut normal = transpose_product(a, a);
+    for i in 0..M {
+        normal[(i, i)] += scale * scale * damping;
+    }
+    let damped = product(&positive_definite_inverse(&normal), &a.transpose());
+    (exact.zip_map(&damped, |exact, damped| T::zero().where_below(is_well, exact, damped)), damping)
+}
+
+/// The same for a symmetric positive definite matrix A = B Bᵀ: (A + λ² 1)⁻¹, with the condition and
+/// the size of B.
+#[inline(always)]
+pub fn damped_positive_definite_inverse<T: Scalar, const M: usize>(
+    a: &SMatrix<T, M, M>,
+) -> (SMatrix<T, M, M>, T) {
+    let exact = positive_definite_inverse(a);
+    let limit = T::constant(WELL_CONDITIONED * WELL_CONDITIONED);
+    let (is_well, damping) = damping(size(a) * size(&exact), limit);
+    let mut shifted = *a;
+    for i in 0..M {
+        shifted[(i, i)] += size(a) / limit * damping;
+    }
+    let damped = positive_definite_inverse(&shifted);
+    (exact.zip_map(&damped, |exact, damped| T::zero().where_below(is_well, exact, damped)), damping)
+}
+
+/// One where a condition is below its limit, else zero; and how strongly to damp, 0 to 1. A
+/// condition that is no number counts as infinite.
+#[inline(always)]
+fn damping<T: Scalar>(condition: T, limit: T) -> (T, T) {
+    let (zero, one) = (T::zero(), T::one());
+    let is_well = condition.where_below(limit, one, zero);
+    let ratio = condition.where_below(T::constant(f64::MAX), limit / condition, zero);
+    (is_well, condition.where_below(limit, zero, one - ratio * ratio))
+}
+
 /// Solves A x = b for a symmetric positive definite A by the factorisation A = L D Lᵀ, which needs
 /// no square roots.
 ///
@@ -183,6 +231,39 @@ mod tests {
         assert!(f64::abs(size(&a) - a.norm()) < 1e-15);
         let singular = nalgebra::Matrix2::new(1.0, 2.0, 2.0, 4.0);
         assert!(!f64::is_finite(size(&inverse(&singular))));
+    }
+
+    #[test]
+    fn a_damped_inverse_is_exact_where_the_matrix_is_well_conditioned_and_bounded_elsewhere() {
+        let leaning = |height: f64| nalgebra::Matrix2::new(1.0, 1.0, 0.5, 0.5 + height);
+        let mut before: Option<nalgebra::Matrix2<f64>> = None;
+        for step in 0..4000 {
+            let a = leaning(f64::from(2000 - step) * 1e-4);
+            let (found, damping) = damped_inverse(&a);
+            let condition = a.norm() * inverse(&a).norm();
+            if condition < WELL_CONDITIONED {
+                assert_eq!((found, damping), (inverse(&a), 0.0));
+            } else {
+                assert!(damping > 0.0 && damping <= 1.0, "{damping}");
+            }
+            assert!(found.norm() < 2.0 * WELL_CONDITIONED / a.norm(), "{found}");
+            if let Some(before) = before {
+                assert!((found - before).norm() < 0.05 * WELL_CONDITIONED, "a jump at {a}");
+            }
+            before = Some(found);
+            let (square, damping) = damped_positive_definite_inverse(&(a * a.transpose()));
+            assert!(square.iter().all(|entry| entry.is_finite()), "{square}");
+            assert!((0.0..=1.0).contains(&damping));
+        }
+        // At a singular matrix that is what the singular value decomposition gives.
+        let a = leaning(0.0);
+        let svd = a.svd(true, true);
+        let lambda = a.norm() / WELL_CONDITIONED;
+        let damped = svd.singular_values.map(|s| s / (s * s + lambda * lambda));
+        let expected = svd.v_t.unwrap().transpose()
+            * nalgebra::Matrix2::from_diagonal(&damped)
+            * svd.u.unwrap().transpose();
+        assert!((damped_inverse(&a).0 - expected).norm() < 1e-9);
     }
 
     #[test]

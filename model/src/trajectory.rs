@@ -95,6 +95,32 @@ impl<T: Scalar> Trajectory<T> {
     }
 }
 
+impl Trajectory<f64> {
+    /// Bounds of the distance from the base that the motion keeps, m: it comes no closer than the
+    /// first and goes no farther than the second.
+    pub fn distances(&self) -> (f64, f64) {
+        let of = |circle: &Circle<f64>, ripple: f64| {
+            let center = circle.center.norm();
+            let closest = (center - circle.radius.abs()).abs() - ripple;
+            (closest.max(0.0), center + circle.radius.abs() + ripple)
+        };
+        match self {
+            Self::Circle(circle) => of(circle, 0.0),
+            // Both axes swing together.
+            Self::PerturbedCircle(circle, ripple) => {
+                of(circle, ripple.amplitude.abs() * std::f64::consts::SQRT_2)
+            }
+            // A line comes no closer than to its middle by half its length.
+            Self::PointToPoint(line) => {
+                let (from, to) = (line.from.norm(), line.to.norm());
+                let closest =
+                    ((line.from + line.to) / 2.0).norm() - (line.to - line.from).norm() / 2.0;
+                (closest.max(0.0), from.max(to))
+            }
+        }
+    }
+}
+
 impl<T: Scalar> Circle<T> {
     #[inline(always)]
     fn at(&self, time: T) -> PlaneMotion<T> {

@@ -105,7 +105,8 @@ fn absent_keys_have_the_documented_defaults() {
     assert_eq!(mtj(&scenario).acceleration, None);
     assert_eq!(scenario.task.name, "plane");
     assert_eq!(scenario.link.state.latency, Duration::ZERO);
-    assert_eq!(scenario.safety.command_timeout, None);
+    assert_eq!(scenario.safety.torque_rate_limit, None);
+    assert!(scenario.safety.joint_limits.is_empty());
     assert_eq!(scenario.safety.torque_limit, None);
     assert_eq!((scenario.bus.wait, scenario.bus.session.as_str()), (Wait::Block, "default"));
     assert_eq!(scenario.bus.scouting, None);
@@ -228,7 +229,14 @@ fn a_refusal_names_origin_key_and_value() {
         ("bus.listen=127.0.0.1:7447", &["bus.listen", "tcp/127.0.0.1:7447"]),
         ("bus.connect=tcp/127.0.0.1:99999", &["bus.connect", "endpoint"]),
         ("safety.torque_limit=[1.0, 0.0]", &["safety.torque_limit", "greater than 0"]),
-        ("safety.command_timeout=0s", &["safety.command_timeout", "at least 1 ns"]),
+        ("safety.command_timeout=0s", &["safety.command_timeout", "\"never\"", "a unit"]),
+        ("safety.command_timeout=5ms", &["command_timeout = \"5ms\"", "sample_period, 10 ms"]),
+        ("safety.torque_rate_limit=0", &["safety.torque_rate_limit = 0", "N m/s greater than 0"]),
+        ("safety.position_max=[-1.0, 3.0]", &["position_max", "joint 1 is at 0.03 rad"]),
+        ("safety.speed_limit=1.2", &["speed_limit = 1.2", "joint 1", "1.5 rad/s"]),
+        ("trajectory.radius=2.5", &["trajectory.radius = 2.5", "0.000 m to 2.000 m", "2.5"]),
+        ("arm.links[1].length=0.2", &["trajectory.radius", "0.800 m to 1.200 m", "m away"]),
+        ("law.gravity=moon", &["law.gravity = \"moon\"", "\"none\", \"model\""]),
         ("safety.on_timeout=panic", &["safety.on_timeout", "\"hold\", \"zero\", \"damp\""]),
         ("seed=-1", &["seed = -1", "0 or more"]),
         ("duration=0s", &["duration = \"0s\"", "at least 1 ms"]),
@@ -394,4 +402,68 @@ fn a_mass_that_is_given_is_a_number_like_any_other() {
     assert_eq!(mass(&[]), Some(Mass::Unit));
     let one = Mass::Constant(Gains::Diagonal([1.0; MAX_AXES].into()));
     assert_eq!((mass(&["law.mass=1"]), mass(&["law.mass=1.0"])), (Some(one), Some(one)));
+}
+
+#[test]
+fn a_timeout_that_no_command_can_meet_is_refused_with_what_the_links_do() {
+    let refused = |sets: &[&str]| {
+        let sets: Vec<_> = sets.iter().map(|set| set.parse().unwrap()).collect();
+        Scenario::parse("here", built_in("sampled/mtj").unwrap(), &sets)
+            .err()
+            .map(|e| e.to_string())
+    };
+    let timeout = "safety.command_timeout=100ms";
+    let sentence = refused(&[timeout, "link.state.latency=50ms", "link.torque.latency=70ms"]);
+    for words in ["command_timeout = \"100ms\"", "at least 120 ms", "50 ms", "70 ms"] {
+        assert!(sentence.as_ref().is_some_and(|all| all.contains(words)), "{words}: {sentence:?}");
+    }
+    let jitter = "link.torque.jitter={kind=\"uniform\",spread=\"30ms\"}";
+    assert_eq!(refused(&[timeout, "link.torque.latency=120ms", jitter]), None, "some are in time");
+    let narrow = "link.torque.jitter={kind=\"normal\",deviation=\"1ms\"}";
+    assert!(refused(&[timeout, "link.torque.latency=120ms", narrow]).is_some());
+    let lockstep = "timing.clock=lockstep";
+    assert_eq!(refused(&[lockstep, "link.torque.latency=9s"]), None, "lockstep has no timeout");
+    assert_eq!(refused(&["link.torque.latency=2s", "timing.clock=realtime"]), None);
+}
+
+#[test]
+fn an_arm_in_real_time_is_protected_unless_the_scenario_says_never() {
+    let safety = |sets: &[&str]| {
+        let sets: Vec<_> = sets.iter().map(|set| set.parse().unwrap()).collect();
+        Scenario::parse("here", built_in("sampled/mtj").unwrap(), &sets).unwrap().safety
+    };
+    let real = "timing.clock=realtime";
+    let found = safety(&[real, "link.state.latency=30ms"]);
+    assert_eq!(found.command_timeout, Some(Duration::from_millis(530)));
+    assert_eq!(found.on_timeout, OnTimeout::Damp(10.0));
+    let slow = safety(&[real, "timing.sample_period=50ms"]);
+    assert_eq!(slow.command_timeout, Some(Duration::from_secs(1)), "20 sample periods");
+    assert_eq!(safety(&[real, "safety.command_timeout=never"]).command_timeout, None);
+    assert_eq!(safety(&[real, "safety.on_timeout=hold"]).on_timeout, OnTimeout::Hold);
+    let lockstep = safety(&["timing.clock=lockstep"]);
+    assert_eq!((lockstep.command_timeout, lockstep.on_timeout), (None, OnTimeout::Hold));
+}
+
+#[test]
+fn a_load_that_the_law_does_not_carry_is_told_with_its_number() {
+    let advice = |sets: &[&str]| -> Vec<String> {
+        let sets: Vec<_> = sets.iter().map(|set| set.parse().unwrap()).collect();
+        let scenario = Scenario::parse("here", built_in("sampled/mtj").unwrap(), &sets).unwrap();
+        scenario.advice().iter().map(ToString::to_string).collect()
+    };
+    let gravity = "arm.gravity=[0.0, -9.81]";
+    assert_eq!(advice(&[]), [""; 0]);
+    // The upper arm points along x, the forearm up: g (m₁ l/2 + m₂ l + m₂ cos(q₁ + q₂) l/2).
+    let by_hand = 9.81
+        * (0.03_f64.cos() * (4.0 * 0.5 + 3.0)
+            + 3.0 * 0.5 * (0.03_f64 + std::f64::consts::FRAC_PI_2).cos());
+    let found = advice(&[gravity]);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert!(found[0].contains(&format!("{by_hand:.1} N m at joint 1")), "{by_hand}: {found:?}");
+    assert!(found[0].contains("law.gravity = \"model\""), "{found:?}");
+    assert_eq!(advice(&[gravity, "law.gravity=model"]), [""; 0]);
+    assert_eq!(advice(&[gravity, "law.kind=mb", "law.kp=8", "law.kd=4"]), [""; 0]);
+    let found = advice(&[gravity, "law.gravity=model", "safety.torque_limit=[20.0, 20.0]"]);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert!(found[0].contains("more than safety.torque_limit") && found[0].contains("20 N m"));
 }

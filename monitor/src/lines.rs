@@ -6,12 +6,15 @@ use std::{
 };
 
 use mtj_model::law::Signal;
-use mtj_protocol::{port::Message, sample::ErrorSample};
+use mtj_protocol::{
+    port::Message,
+    sample::{ErrorSample, Phase},
+};
 
 use crate::{
     error::MonitorError,
     monitor::Sink,
-    overview::{Overview, Phase, primary_signal},
+    overview::{Overview, primary_signal},
 };
 
 /// Prints the state of a session once a second, and each change when it comes.
@@ -84,7 +87,8 @@ impl<W: Write> Lines<W> {
         } else if self.overview.phase() == Some(Phase::Paused) {
             line += "  paused             ";
         } else {
-            line += "  no controller      ";
+            // A controller need not say what it makes of the states that it answers.
+            line += "  |e| unknown        ";
         }
         if let Some(spread) = round_trips.spread() {
             line += &format!("  round trip p50 {:7.1} p99 {:7.1} µs", spread.p50, spread.p99);
@@ -94,7 +98,12 @@ impl<W: Write> Lines<W> {
                 "  misses {}  late {}  lost {}  rejected {}",
                 status.deadline_misses, status.late, status.lost, status.rejected
             );
-            for (name, count) in [("timeouts", status.timeouts), ("takeovers", status.takeovers)] {
+            for (name, count) in [
+                ("too old", status.too_old),
+                ("stalls", status.stalls),
+                ("timeouts", status.timeouts),
+                ("takeovers", status.takeovers),
+            ] {
                 if count > 0 {
                     line += &format!("  {name} {count}");
                 }

@@ -1,10 +1,14 @@
 //! The loop of a monitor: passes each message of a source to all sinks.
 
-use std::{fmt, thread, time::Duration};
+use std::{
+    fmt, thread,
+    time::{Duration, Instant},
+};
 
 use mtj_protocol::{
     bus::Bus,
-    port::{Message, MonitorPort},
+    port::{Message, MonitorPort, Survivor},
+    stall,
 };
 
 use crate::error::MonitorError;
@@ -36,6 +40,7 @@ pub trait Sink {
 pub struct BusSource<'a, B> {
     bus: &'a B,
     port: MonitorPort,
+    survivor: Survivor,
 }
 
 impl<B> fmt::Debug for BusSource<'_, B> {
@@ -47,13 +52,15 @@ impl<B> fmt::Debug for BusSource<'_, B> {
 impl<'a, B: Bus> BusSource<'a, B> {
     /// Joins a bus as a monitor.
     pub fn open(bus: &'a B) -> Result<Self, MonitorError> {
-        Ok(Self { bus, port: MonitorPort::open(bus)? })
+        Ok(Self { bus, port: MonitorPort::open(bus)?, survivor: Survivor::default() })
     }
 }
 
 impl<B: Bus> Source for BusSource<'_, B> {
     fn drain(&mut self, handle: &mut dyn FnMut(Message)) -> Result<(), MonitorError> {
-        Ok(self.port.drain(self.bus, handle)?)
+        let drained = self.port.drain(self.bus, handle);
+        self.survivor.survive("read samples", drained);
+        Ok(())
     }
 }
 
@@ -75,7 +82,11 @@ pub fn run(
                 return Ok(());
             }
         }
+        let until = Instant::now() + PERIOD;
         thread::sleep(PERIOD);
+        if let Some(stall) = stall::stall(until, Instant::now()) {
+            stall::tell("the monitor", stall, "it counts the samples that it missed");
+        }
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! What is known of a session: the same for all displays.
 
-mod phase;
+mod alarm;
 mod role;
 
 use std::{
@@ -14,12 +14,13 @@ use mtj_protocol::{
     member::Role,
     port::{Message, Offered},
     sample::{
-        ChangeSample, ErrorSample, Header, PresenceSample, StateSample, StatusSample, TorqueSample,
+        ChangeSample, ErrorSample, Header, Phase, PresenceSample, StateSample, StatusSample,
+        TorqueSample,
     },
 };
 
 pub use self::{
-    phase::{Alarm, Joined, Phase},
+    alarm::{Alarm, Joined},
     role::RoleStatus,
 };
 use crate::durations::RecentDurations;
@@ -57,6 +58,8 @@ pub struct Overview {
     /// How many states of this run did not reach this monitor.
     pub missed: u64,
     plant: RoleStatus,
+    /// The newest presence of each plant by its id, and when it came.
+    plants: BTreeMap<u64, (PresenceSample, Instant)>,
     controller: RoleStatus,
     /// The newest presence of each controller by its id, and when it came.
     controllers: BTreeMap<u64, (PresenceSample, Instant)>,
@@ -108,13 +111,12 @@ impl Overview {
                 self.changes.push_back(*change);
             }
             Message::Presence(presence) if presence.role == Role::Plant as u64 => {
+                note(&mut self.plants, presence);
                 self.plant.note_message(ABSENT);
                 self.plant.presence = Some(*presence);
             }
             Message::Presence(presence) => {
-                let now = Instant::now();
-                self.controllers.retain(|_, (_, heard)| now.duration_since(*heard) < ABSENT);
-                self.controllers.insert(presence.id, (*presence, now));
+                note(&mut self.controllers, presence);
                 if self.leader().is_none_or(|leader| leader == presence.id) {
                     self.controller.note_message(ABSENT);
                 }
@@ -134,6 +136,7 @@ impl Overview {
         past_runs.drain(..past_runs.len().saturating_sub(RUNS));
         *self = Self {
             plant: self.plant,
+            plants: std::mem::take(&mut self.plants),
             controller: self.controller,
             controllers: std::mem::take(&mut self.controllers),
             saw_previous_run: self.run.is_some(),
@@ -216,8 +219,7 @@ impl Overview {
 
     /// The phase of the run; `None` before the first status.
     pub fn phase(&self) -> Option<Phase> {
-        let phases = [Phase::Waiting, Phase::Running, Phase::Finished, Phase::Paused];
-        phases.get(self.status.as_ref()?.phase as usize).copied()
+        self.status.as_ref()?.phase()
     }
 
     /// The plant.
@@ -250,8 +252,17 @@ impl Overview {
         if self.phase() == Some(Phase::Finished) {
             return None;
         }
+        if let Some(alarm) = self.two_plants() {
+            return Some(alarm);
+        }
         if silence > self.silence_limit() {
             return Some(Alarm::PlantSilent(silence));
+        }
+        if self.phase() == Some(Phase::Diverged) {
+            return Some(Alarm::Diverged(self.time()));
+        }
+        if self.phase() == Some(Phase::Stopped) {
+            return Some(Alarm::Stopped);
         }
         if self.phase() == Some(Phase::Waiting) {
             return Some(Alarm::NoController);
@@ -259,7 +270,25 @@ impl Overview {
         let is_paused = self.phase() == Some(Phase::Paused);
         let limit = if is_paused { ABSENT } else { self.silence_limit() };
         let silence = self.controller.silence()?;
-        (silence > limit).then_some(Alarm::ControllerSilent(silence))
+        let is_silent = silence > limit;
+        let silent = is_silent.then_some(Alarm::ControllerSilent(silence));
+        silent.or_else(|| self.safe_state())
+    }
+
+    fn two_plants(&self) -> Option<Alarm> {
+        let mut present = self
+            .plants
+            .values()
+            .filter(|(_, heard)| heard.elapsed() < ABSENT)
+            .map(|(plant, _)| plant);
+        let (one, other) = (present.next()?, present.next()?);
+        Some(Alarm::TwoPlants(one.process, other.process))
+    }
+
+    fn safe_state(&self) -> Option<Alarm> {
+        self.state.filter(|state| state.timed_out != 0)?;
+        let reaction = self.scenario.as_ref()?.scenario.safety.on_timeout;
+        Some(Alarm::SafeState { reaction, too_old: self.status?.too_old })
     }
 
     fn silence_limit(&self) -> Duration {
@@ -271,6 +300,13 @@ impl Overview {
 /// The law's signal that displays show where there is space for one: the first with a range.
 pub(crate) fn primary_signal(law: &Description) -> Option<&'static Signal> {
     law.signals.iter().find(|signal| signal.range.is_some())
+}
+
+/// Notes a presence, and forgets those that were not repeated.
+fn note(present: &mut BTreeMap<u64, (PresenceSample, Instant)>, presence: &PresenceSample) {
+    let now = Instant::now();
+    present.retain(|_, (_, heard)| now.duration_since(*heard) < ABSENT);
+    present.insert(presence.id, (*presence, now));
 }
 
 /// The run that a message belongs to, and its time within the run, ns.

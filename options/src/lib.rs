@@ -13,6 +13,7 @@
 
 mod bus;
 pub mod log;
+pub mod lossy;
 mod realtime;
 
 pub use bus::{BusOptions, JoinOptions, SessionOptions};

@@ -1,6 +1,10 @@
 //! Logs on standard error: `mtj plant: waiting for a controller`.
 
-use std::{env, fmt, io};
+use std::{
+    env, fmt,
+    io::{self, Write},
+    sync::OnceLock,
+};
 
 use tracing::{
     Event, Level, Subscriber,
@@ -9,11 +13,13 @@ use tracing::{
 use tracing_subscriber::{
     Layer, Registry,
     filter::Targets,
-    fmt::{FmtContext, FormatEvent, FormatFields, format::Writer},
+    fmt::{FmtContext, FormatEvent, FormatFields, MakeWriter, format::Writer},
     layer::SubscriberExt,
     registry::LookupSpan,
     util::SubscriberInitExt,
 };
+
+use crate::lossy::LossyWriter;
 
 /// The variable that asks for more, or less: `MTJ_LOG=debug`, or `MTJ_LOG=info,zenoh=warn`.
 const VARIABLE: &str = "MTJ_LOG";
@@ -23,7 +29,32 @@ pub fn lines<S>(program: &'static str) -> impl Layer<S>
 where
     S: Subscriber + for<'a> LookupSpan<'a>,
 {
-    tracing_subscriber::fmt::layer().event_format(Sentence { program }).with_writer(io::stderr)
+    tracing_subscriber::fmt::layer().event_format(Sentence { program }).with_writer(Stderr)
+}
+
+/// Writes the events that wait to be written; to be called before the process ends, or writes to
+/// standard error itself.
+pub fn flush() {
+    if let Some(writer) = STDERR.get().and_then(Option::as_ref) {
+        writer.finish();
+    }
+}
+
+/// Standard error, which no loop waits for; `None` if there is no thread to write to it.
+static STDERR: OnceLock<Option<LossyWriter>> = OnceLock::new();
+
+/// Makes writers to [`STDERR`].
+struct Stderr;
+
+impl MakeWriter<'_> for Stderr {
+    type Writer = Box<dyn Write>;
+
+    fn make_writer(&self) -> Self::Writer {
+        match STDERR.get_or_init(|| LossyWriter::new(io::stderr()).ok()) {
+            Some(writer) => Box::new(writer.clone()),
+            None => Box::new(io::stderr()),
+        }
+    }
 }
 
 /// Sends the events of this process to a layer, from now on.

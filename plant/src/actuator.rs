@@ -19,6 +19,8 @@ pub struct Command<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
     pub sampled_ns: u64,
     /// N m.
     pub torque: [f64; N],
+    /// The part of it that balances gravity, N m.
+    pub gravity: [f64; N],
     /// The law's echo: held with the torque, and scaled with it.
     pub echo: [f64; E],
     /// How many numbers the echo has.
@@ -27,9 +29,9 @@ pub struct Command<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
 
 impl From<&TorqueSample> for Command {
     fn from(sample: &TorqueSample) -> Self {
-        let TorqueSample { header, torque, echo, echo_count, .. } = *sample;
+        let TorqueSample { header, torque, gravity, echo, echo_count, .. } = *sample;
         let (sequence, sampled_ns) = (header.sequence, header.time_ns);
-        Self { sequence, sampled_ns, torque, echo, echo_count }
+        Self { sequence, sampled_ns, torque, gravity, echo, echo_count }
     }
 }
 
@@ -38,8 +40,12 @@ impl From<&TorqueSample> for Command {
 #[derive(Clone, Debug)]
 pub struct Actuator<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
     limit: [f64; N],
+    /// How much the torque of a joint may change from command to command, N m.
+    step_limit: Option<[f64; N]>,
     on_timeout: OnTimeout,
     drive: Drive<N>,
+    /// The part of the drive's torque that balances gravity, N m.
+    gravity: [f64; N],
     /// The echo in effect, scaled with its torque.
     echo: [f64; E],
     /// The integral of the echo up to `integrated_ns`.
@@ -51,7 +57,6 @@ pub struct Actuator<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
     echo_count: u64,
     newest: Option<u64>,
     latency_ns: u64,
-    commands: u64,
     has_timed_out: bool,
 }
 
@@ -60,8 +65,10 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
     pub fn new(scenario: &Scenario) -> Self {
         Self {
             limit: limits(scenario),
+            step_limit: step_limits(scenario),
             on_timeout: scenario.safety.on_timeout,
             drive: Drive::Torque([0.0; _]),
+            gravity: [0.0; _],
             echo: [0.0; _],
             impulse: [0.0; _],
             integrated_ns: 0,
@@ -69,55 +76,107 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
             echo_count: 0,
             newest: None,
             latency_ns: 0,
-            commands: 0,
             has_timed_out: false,
         }
     }
 
-    /// Takes limits, reaction to a timeout and memory step from a changed scenario.
-    pub fn reconfigure(&mut self, scenario: &Scenario) {
+    /// Takes limits, reaction to a timeout and memory step from a changed scenario. They act at
+    /// `time_ns`, at joint velocities `velocity`, on the torque that is held and on a timeout that is
+    /// in effect.
+    pub fn reconfigure(&mut self, scenario: &Scenario, time_ns: u64, velocity: &[f64; N]) {
+        self.integrate(time_ns);
         self.limit = limits(scenario);
+        self.step_limit = step_limits(scenario);
         self.on_timeout = scenario.safety.on_timeout;
+        if self.has_timed_out {
+            // What a brake exerts now is what may be held from now on.
+            self.drive = Drive::Torque(self.torque(velocity));
+            self.enter_safe_state();
+        }
+        if let Drive::Torque(torque) = self.drive {
+            let (torque, echo) = self.limited(&torque, &self.gravity, &self.echo);
+            (self.drive, self.echo) = (Drive::Torque(torque), echo);
+        }
         // Here, between two samples, rather than in the loop.
         self.history.reserve(memory_samples(scenario));
     }
 
-    /// Puts a command into effect at `time_ns`, unless a newer one is in effect already.
+    /// Puts a command into effect at `time_ns` and at joint velocities `velocity`, unless a newer one
+    /// is in effect already.
     ///
     /// A torque over a joint's limit is scaled down with all others and with the echo: the
-    /// direction at the tip stays, and what is echoed is what was in effect.
+    /// direction at the tip stays, and what is echoed is what was in effect. One that changes by
+    /// more than the rate limit allows goes a part of the way from what acts now, on all joints the
+    /// same part, and so does the echo.
     #[inline(always)]
-    pub fn apply(&mut self, command: &Command<N, E>, time_ns: u64) -> bool {
-        let Command { sequence, sampled_ns, torque, echo, echo_count } = command;
+    pub fn apply(&mut self, command: &Command<N, E>, time_ns: u64, velocity: &[f64; N]) -> bool {
+        let Command { sequence, sampled_ns, torque, gravity, echo, echo_count } = command;
         if self.newest.is_some_and(|newest| *sequence <= newest) {
             return false;
-        }
-        let mut scale = 1.0;
-        for (torque, limit) in torque.iter().zip(&self.limit) {
-            scale = f64::min(scale, limit / torque.abs());
         }
         self.integrate(time_ns);
         self.newest = Some(*sequence);
         self.latency_ns = time_ns.saturating_sub(*sampled_ns);
-        // What was rounded up is not over the limit either.
-        let mut held = [0.0; N];
-        for ((held, torque), limit) in held.iter_mut().zip(torque).zip(&self.limit) {
-            *held = (torque * scale).clamp(-limit, *limit);
+        let (mut torque, mut echo) = self.limited(torque, gravity, echo);
+        if let Some(limit) = &self.step_limit {
+            let from = self.torque(velocity);
+            let part = part_of_step(&from, &torque, limit);
+            for (to, from) in torque.iter_mut().zip(&from) {
+                *to = from + (*to - from) * part;
+            }
+            for (to, from) in echo.iter_mut().zip(&self.echo) {
+                *to = from + (*to - from) * part;
+            }
         }
-        self.drive = Drive::Torque(held);
-        for (held, echo) in self.echo.iter_mut().zip(echo) {
-            *held = echo * scale;
-        }
+        (self.drive, self.gravity, self.echo) = (Drive::Torque(torque), *gravity, echo);
         self.echo_count = *echo_count;
-        self.commands += 1;
         self.has_timed_out = false;
         true
+    }
+
+    /// A torque and its echo within the limits. What balances gravity is not scaled, as long as it
+    /// is within them itself.
+    #[inline(always)]
+    fn limited(
+        &self,
+        torque: &[f64; N],
+        gravity: &[f64; N],
+        echo: &[f64; E],
+    ) -> ([f64; N], [f64; E]) {
+        let is_carried = gravity.iter().zip(&self.limit).all(|(part, limit)| part.abs() < *limit);
+        let kept = |joint: usize| if is_carried { gravity[joint] } else { 0.0 };
+        let mut scale = 1.0;
+        for (joint, (torque, limit)) in torque.iter().zip(&self.limit).enumerate() {
+            let rest = torque - kept(joint);
+            let room = limit - kept(joint) * rest.signum();
+            scale = f64::min(scale, room / rest.abs());
+        }
+        let mut held = [0.0; N];
+        for (joint, (held, torque)) in held.iter_mut().zip(torque).enumerate() {
+            let (kept, limit) = (kept(joint), self.limit[joint]);
+            let scaled = if kept == 0.0 { torque * scale } else { kept + (torque - kept) * scale };
+            // What was rounded up is not over the limit either.
+            *held = scaled.clamp(-limit, limit);
+        }
+        (held, echo.map(|echo| echo * scale))
+    }
+
+    /// Brakes the joints, whatever a timeout would do.
+    pub fn brake(&mut self, time_ns: u64, damping: f64) {
+        self.integrate(time_ns);
+        self.has_timed_out = true;
+        self.drive = Drive::Damping { damping, limit: self.limit };
+        self.echo = [0.0; _];
     }
 
     /// Ends the hold: no fresh command came within the timeout.
     pub fn time_out(&mut self, time_ns: u64) {
         self.integrate(time_ns);
         self.has_timed_out = true;
+        self.enter_safe_state();
+    }
+
+    fn enter_safe_state(&mut self) {
         self.drive = match self.on_timeout {
             OnTimeout::Hold => return,
             OnTimeout::Zero => Drive::Torque([0.0; _]),
@@ -185,11 +244,6 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         self.has_timed_out
     }
 
-    /// How many commands have come into effect.
-    pub fn commands(&self) -> u64 {
-        self.commands
-    }
-
     #[inline(always)]
     fn integrate(&mut self, time_ns: u64) {
         let seconds = time_ns.saturating_sub(self.integrated_ns) as f64 * 1e-9;
@@ -206,6 +260,19 @@ fn limits<const N: usize>(scenario: &Scenario) -> [f64; N] {
         *limit = *joint;
     }
     limit
+}
+
+/// The rate limit times the sample period.
+fn step_limits<const N: usize>(scenario: &Scenario) -> Option<[f64; N]> {
+    let rates = scenario.safety.torque_rate_limit.as_ref()?;
+    let period = scenario.timing.sample_period.as_secs_f64();
+    Some(std::array::from_fn(|joint| rates.get(joint).map_or(f64::INFINITY, |rate| rate * period)))
+}
+
+/// Which part of the way `from` one torque `to` another no joint's limit forbids.
+fn part_of_step<const N: usize>(from: &[f64; N], to: &[f64; N], limit: &[f64; N]) -> f64 {
+    let steps = from.iter().zip(to).map(|(from, to)| (to - from).abs());
+    steps.zip(limit).fold(1.0, |part, (step, limit)| f64::min(part, limit / step))
 }
 
 /// How many sampling instants a memory step spans, with those at both ends and a new one.

@@ -11,8 +11,8 @@ use crate::actuator::Command;
 pub enum Event {
     /// A command leaves the torque link and takes effect.
     Arrive(Command),
-    /// The command timeout is over if no more than this number of commands have come into effect.
-    Timeout(u64),
+    /// The command timeout may be over.
+    Timeout,
     /// The disturbance with this number ends.
     EndDisturbance(u64),
     /// A state leaves the state link and goes to the controller.
@@ -27,7 +27,7 @@ impl Event {
     fn rank(&self) -> u8 {
         match self {
             Self::Arrive(_) => 0,
-            Self::Timeout(_) => 1,
+            Self::Timeout => 1,
             Self::EndDisturbance(_) => 2,
             Self::Deliver(_) => 3,
             Self::Sample => 4,
@@ -124,8 +124,9 @@ mod tests {
         let command = Command::from(&TorqueSample::default());
         let mut agenda = Agenda::new();
         agenda.push(5, Event::Sample);
-        agenda.push(5, Event::Timeout(1));
-        agenda.push(5, Event::Timeout(2));
+        agenda.push(5, Event::EndDisturbance(1));
+        agenda.push(5, Event::EndDisturbance(2));
+        agenda.push(5, Event::Timeout);
         agenda.push(5, Event::Arrive(command));
         agenda.push(3, Event::Sample);
         let order: Vec<_> = std::iter::from_fn(|| agenda.pop()).collect();
@@ -134,8 +135,9 @@ mod tests {
             [
                 (3, Event::Sample),
                 (5, Event::Arrive(command)),
-                (5, Event::Timeout(1)),
-                (5, Event::Timeout(2)),
+                (5, Event::Timeout),
+                (5, Event::EndDisturbance(1)),
+                (5, Event::EndDisturbance(2)),
                 (5, Event::Sample),
             ]
         );

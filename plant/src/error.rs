@@ -1,8 +1,8 @@
 //! Why a plant stops before it is done, and why it refuses a request.
 
-use std::{io, path::PathBuf};
+use std::{io, path::PathBuf, time::Duration};
 
-use mtj_model::scenario::ScenarioError;
+use mtj_model::scenario::{ScenarioError, duration};
 use mtj_protocol::{bus::BusError, request::RequestError};
 
 /// Why a plant stopped before it was done.
@@ -42,6 +42,17 @@ pub enum LinkError {
         /// `state` or `torque`.
         direction: &'static str,
     },
+    /// No command could be young enough to act.
+    #[error(
+        "safety.command_timeout = \"{}\" is not accepted: expected {reason}",
+        duration::format(*timeout)
+    )]
+    TooOld {
+        /// The timeout.
+        timeout: Duration,
+        /// What would be accepted, and why.
+        reason: String,
+    },
     /// The file of a replay cannot be read.
     #[error("the replayed latencies {} cannot be read: {source}", file.display())]
     Unreadable {
@@ -52,12 +63,23 @@ pub enum LinkError {
     },
     /// The header names no column of latencies.
     #[error(
-        "{}: the first line names no column latency_s, latency_ms, latency_us or latency_ns",
+        "{}: the first line names no column latency_s, latency_ms, latency_us or latency_ns; it names \
+         '{found}'",
         file.display()
     )]
     NoColumn {
         /// The file.
         file: PathBuf,
+        /// What the first line names.
+        found: String,
+    },
+    /// The file is no table.
+    #[error("{}: it is no CSV file: {error}", file.display())]
+    Csv {
+        /// The file.
+        file: PathBuf,
+        /// What the reader of CSV says.
+        error: String,
     },
     /// A line has something else than a latency.
     #[error(
@@ -69,7 +91,7 @@ pub enum LinkError {
         /// The file.
         file: PathBuf,
         /// The line, from 1.
-        line: usize,
+        line: u64,
         /// What stands there.
         value: String,
     },

@@ -4,9 +4,16 @@
 //! [`REPLAY_FORMAT`](mtj_model::scenario::REPLAY_FORMAT): a header that names a column `latency_s`,
 //! `latency_ms`, `latency_us` or `latency_ns`, and then a latency, or `lost`, for each message.
 
-use std::path::Path;
+use std::{
+    fs::OpenOptions,
+    io::{self, Read},
+    os::unix::fs::OpenOptionsExt,
+    path::Path,
+    time::Duration,
+};
 
-use mtj_model::scenario::{Dropout, Jitter, LinkSettings};
+use mtj_model::scenario::{self, Dropout, Jitter, LinkSettings, Scenario};
+use nix::libc::O_NONBLOCK;
 use rand_distr::{Distribution, Gamma, Normal};
 use rand_pcg::Pcg64;
 
@@ -46,6 +53,83 @@ enum Delay {
 /// The longest latency, s, longer than any run: a distribution may have no bounds, the run's time
 /// has.
 const LONGEST: f64 = 1e9;
+
+/// Both links of a loop.
+#[derive(Debug)]
+pub struct Links {
+    /// Sensor to controller.
+    pub state: Link,
+    /// Controller to actuator.
+    pub torque: Link,
+}
+
+impl Links {
+    /// The links of a scenario; reads the files of replays.
+    ///
+    /// # Errors
+    ///
+    /// [`LinkError::TooOld`] if no command could be younger than the command timeout, or what a link
+    /// says.
+    pub fn new(scenario: &Scenario) -> Result<Self, LinkError> {
+        let (settings, seed) = (&scenario.link, scenario.seed);
+        let links = Self {
+            state: Link::new(&settings.state, Direction::State, seed)?,
+            torque: Link::new(&settings.torque, Direction::Torque, seed)?,
+        };
+        check(scenario, &links.state, &links.torque)?;
+        Ok(links)
+    }
+}
+
+/// The links that a change of a scenario replaces. One that is as before goes on with its random
+/// numbers.
+#[derive(Debug, Default)]
+pub struct LinkChanges {
+    pub(crate) state: Option<Link>,
+    pub(crate) torque: Option<Link>,
+}
+
+impl LinkChanges {
+    /// The links of `scenario` that differ from those of `before`; reads the files of replays.
+    ///
+    /// # Errors
+    ///
+    /// As of [`Links::new`].
+    pub fn between(before: &Scenario, scenario: &Scenario) -> Result<Self, LinkError> {
+        if before.link == scenario.link
+            && before.safety.command_timeout == scenario.safety.command_timeout
+        {
+            return Ok(Self::default());
+        }
+        let Links { state, torque } = Links::new(scenario)?;
+        Ok(Self {
+            state: (scenario.link.state != before.link.state).then_some(state),
+            torque: (scenario.link.torque != before.link.torque).then_some(torque),
+        })
+    }
+}
+
+/// Refuses replays that let no command be young enough. Other links were checked with the scenario.
+fn check(scenario: &Scenario, state: &Link, torque: &Link) -> Result<(), LinkError> {
+    let is_replay = |settings: &LinkSettings| matches!(settings.jitter, Jitter::Replay { .. });
+    let links = &scenario.link;
+    let Some(timeout) = scenario.safety.command_timeout else { return Ok(()) };
+    if !is_replay(&links.state) && !is_replay(&links.torque) {
+        return Ok(());
+    }
+    let [state, torque] =
+        [(&links.state, state), (&links.torque, torque)].map(|(settings, link)| {
+            match &link.delay {
+                Delay::Replay { latencies, .. } => {
+                    let replayed = latencies.iter().flatten().min().copied().unwrap_or_default();
+                    Duration::from_nanos(link.latency_ns.saturating_add(replayed))
+                }
+                _ => settings.shortest(),
+            }
+        });
+    scenario::too_old(timeout, state, torque)
+        .map_or(Ok(()), |reason| Err(LinkError::TooOld { timeout, reason }))
+}
 
 /// Which of the two directions: each has random numbers of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -146,37 +230,67 @@ impl Link {
     }
 }
 
+/// The longest file of latencies, bytes: some ten million lines.
+const LONGEST_FILE: u64 = 128 << 20;
+
+/// Reads a regular file. Anything else, like a pipe, might never end, or not even begin.
+fn read(file: &Path) -> io::Result<String> {
+    let opened = OpenOptions::new().read(true).custom_flags(O_NONBLOCK).open(file)?;
+    let found = opened.metadata()?;
+    if !found.is_file() {
+        return Err(io::Error::other("it is no regular file"));
+    }
+    let mut text = String::new();
+    opened.take(LONGEST_FILE + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > LONGEST_FILE {
+        return Err(io::Error::other("it is longer than 128 MiB"));
+    }
+    Ok(text)
+}
+
 /// The word for a message that is lost.
 const LOST: &str = "lost";
 
 /// Reads the latencies of a replay, ns; `None` for a message that is lost.
 fn read_latencies(file: &Path) -> Result<Vec<Option<u64>>, LinkError> {
     let named = || file.to_owned();
-    let text = std::fs::read_to_string(file)
-        .map_err(|source| LinkError::Unreadable { file: named(), source })?;
-    let mut lines = text.lines().enumerate();
-    let header = lines.next().map(|(_, line)| line).unwrap_or_default();
+    let text = read(file).map_err(|source| LinkError::Unreadable { file: named(), source })?;
+    // A spreadsheet may begin the file with a byte-order mark, and quote what it likes.
+    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+    let mut reader =
+        csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
+    let titles = reader.headers().cloned().unwrap_or_default();
     let units = [("latency_s", 1e9), ("latency_ms", 1e6), ("latency_us", 1e3), ("latency_ns", 1.0)];
-    let (column, unit) = header
-        .split(',')
+    let (column, unit) = titles
+        .iter()
         .enumerate()
         .find_map(|(i, title)| {
-            units.iter().find(|(unit, _)| title.trim() == *unit).map(|(_, length)| (i, *length))
+            units.iter().find(|(unit, _)| title == *unit).map(|(_, length)| (i, *length))
         })
-        .ok_or_else(|| LinkError::NoColumn { file: named() })?;
+        .ok_or_else(|| LinkError::NoColumn {
+            file: named(),
+            found: titles.iter().collect::<Vec<_>>().join(", "),
+        })?;
     let mut latencies = Vec::new();
-    let is_blank = |line: &str| line.split(',').all(|cell| cell.trim().is_empty());
-    for (number, line) in lines.filter(|(_, line)| !is_blank(line)) {
-        let value = line.split(',').nth(column).unwrap_or_default().trim();
+    for record in reader.records() {
+        let record =
+            record.map_err(|error| LinkError::Csv { file: named(), error: error.to_string() })?;
+        if record.iter().all(str::is_empty) {
+            continue;
+        }
+        let value = record.get(column).unwrap_or_default();
         if value == LOST {
             latencies.push(None);
             continue;
         }
         let nanoseconds = value.parse::<f64>().ok().map(|latency| latency * unit);
-        let latency =
-            nanoseconds.filter(|nanoseconds| (0.0..1e18).contains(nanoseconds)).ok_or_else(
-                || LinkError::Latency { file: named(), line: number + 1, value: value.to_owned() },
-            )?;
+        let latency = nanoseconds
+            .filter(|nanoseconds| (0.0..1e18).contains(nanoseconds))
+            .ok_or_else(|| LinkError::Latency {
+                file: named(),
+                line: record.position().map_or(0, csv::Position::line),
+                value: value.to_owned(),
+            })?;
         latencies.push(Some(latency.round() as u64));
     }
     if latencies.is_empty() {
@@ -280,6 +394,15 @@ mod tests {
     }
 
     #[test]
+    fn a_replay_of_a_spreadsheet_may_begin_with_a_mark_and_quote_what_it_likes() {
+        let file = std::env::temp_dir().join(format!("mtj-sheet-{}.csv", std::process::id()));
+        let text = "\u{feff}\"latency_ms\",\"note\"\r\n\"1.5\",\"a, b\"\r\n20,\"two\nlines\"\r\n";
+        std::fs::write(&file, text).unwrap();
+        assert_eq!(read_latencies(&file).unwrap(), [Some(1_500_000), Some(20_000_000)]);
+        std::fs::remove_file(&file).unwrap();
+    }
+
+    #[test]
     fn measured_latencies_are_replayed_in_their_order_and_round_again() {
         let file = std::env::temp_dir().join(format!("mtj-latencies-{}.csv", std::process::id()));
         std::fs::write(&file, "hop,latency_ms\na,1.5\nb,0\n\nc,20\n").unwrap();
@@ -288,6 +411,7 @@ mod tests {
         assert_eq!(transits, [6_500, 5_000, 25_000, 6_500]);
         for (text, complaint) in [
             ("latency\n1\n", "names no column"),
+            ("a;latency_ms\n", "it names 'a;latency_ms'"),
             ("latency_s\n", "no latencies"),
             ("latency_s\n1\n-2\n", "line 3"),
             ("hop,latency_s\na,1\nb,\n", "line 3"),

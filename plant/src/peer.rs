@@ -6,6 +6,7 @@ use mtj_protocol::{
     bus::BusError,
     port::{Answer, Exchange},
     sample::{StateSample, TorqueSample},
+    stall,
 };
 
 use crate::durations::Durations;
@@ -19,6 +20,8 @@ pub(crate) struct Peer<'a> {
     origin: Instant,
     round_trip_ns: u64,
     residence_ns: u64,
+    /// States sent before this instant have no round trip that says anything, ns.
+    forgotten_ns: u64,
     round_trips: Durations,
     residences: Durations,
 }
@@ -37,6 +40,7 @@ impl<'a> Peer<'a> {
             origin: Instant::now(),
             round_trip_ns: 0,
             residence_ns: 0,
+            forgotten_ns: 0,
             round_trips: Durations::default(),
             residences: Durations::default(),
         }
@@ -61,6 +65,9 @@ impl<'a> Peer<'a> {
         self.send(state)?;
         let until = Instant::now() + patience;
         while let Some(answer) = self.exchange.receive(until)? {
+            if stall::stall(until, Instant::now()).is_some() {
+                self.forget_round_trips();
+            }
             if self.torque().header.sequence == state.header.sequence {
                 if answer == Answer::Torque {
                     self.note_round_trip();
@@ -71,16 +78,25 @@ impl<'a> Peer<'a> {
         Ok(None)
     }
 
-    /// Notes how long the torque took that was received last.
-    pub(crate) fn note_round_trip(&mut self) {
-        if !self.is_timed {
-            return;
-        }
+    /// Notes how long the torque took that was received last, and returns it, ns; `None` if that
+    /// says nothing.
+    pub(crate) fn note_round_trip(&mut self) -> Option<u64> {
         let TorqueSample { state_sent_ns, residence_ns, .. } = *self.exchange.torque();
+        if !self.is_timed || state_sent_ns < self.forgotten_ns {
+            return None;
+        }
         self.round_trip_ns = self.now_ns().saturating_sub(state_sent_ns);
-        self.residence_ns = residence_ns;
+        // A controller cannot have taken longer than we have waited, whatever it says.
+        self.residence_ns = residence_ns.min(self.round_trip_ns);
         self.round_trips.record(self.round_trip_ns);
-        self.residences.record(residence_ns);
+        self.residences.record(self.residence_ns);
+        Some(self.round_trip_ns)
+    }
+
+    /// Measures no round trip of a state that was sent before now, because the plant did not run for
+    /// a part of it.
+    pub(crate) fn forget_round_trips(&mut self) {
+        self.forgotten_ns = self.now_ns();
     }
 
     /// Whether to go on.

@@ -1,5 +1,8 @@
 //! The loop of the plant: events in order of time, each handled by the loop's rules.
 
+mod operator;
+mod told;
+
 use std::time::{Duration, Instant};
 
 use mtj_model::{
@@ -9,23 +12,24 @@ use mtj_model::{
 use mtj_protocol::{
     bus::BusError,
     port::{Answer, Exchange},
-    sample::{Header, Joints, StateSample, StatusSample, VERSION},
+    sample::{Header, Joints, Phase, StateSample, StatusSample, VERSION},
 };
 use nalgebra::SVector;
 
+use self::told::tell_stop;
 use crate::{
     actuator::Command,
     agenda::{Agenda, Event},
     clock::{Clock, Heard, Lockstep, Realtime},
     durations::Durations,
     engine::{Engine, engine},
-    error::{LinkError, PlantError, Refusal},
+    error::{LinkError, PlantError},
     peer::Peer,
     report::{Measures, Report},
-    request::{self, Answers, Changeable},
+    request::{self, Answers, Preparer},
     sensor::Sensor,
     sequencer::{Commands, Departure, Sequencer, nanoseconds},
-    trace::TraceRow,
+    trace::{TraceRow, TraceStream},
     tracking::{Tracked, Tracking},
 };
 
@@ -54,12 +58,16 @@ pub struct Outcome {
 }
 
 /// How a run is watched.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Watch {
     /// Keep a [`TraceRow`] for each sampling instant.
     pub trace: bool,
+    /// Send each [`TraceRow`] there as soon as it is known.
+    pub stream: Option<TraceStream>,
     /// Read clocks to measure round trips: only where the exchange crosses a bus.
     pub round_trips: bool,
+    /// After a divergence wait for a reset, rather than end.
+    pub keeps_open: bool,
 }
 
 /// Runs a scenario against the controller at the other end of `exchange`, which must know it under
@@ -88,14 +96,9 @@ pub fn run_engine(
     proceed: &dyn Fn() -> bool,
 ) -> Result<Outcome, PlantError> {
     let peer = Peer::new(exchange, proceed, watch.round_trips);
-    let has_trace = watch.trace;
     match scenario.timing.clock {
-        ClockKind::Lockstep => {
-            Plant::<Lockstep>::new(scenario, run, engine, peer, has_trace)?.run()
-        }
-        ClockKind::Realtime => {
-            Plant::<Realtime>::new(scenario, run, engine, peer, has_trace)?.run()
-        }
+        ClockKind::Lockstep => Plant::<Lockstep>::new(scenario, run, engine, peer, watch)?.run(),
+        ClockKind::Realtime => Plant::<Realtime>::new(scenario, run, engine, peer, watch)?.run(),
     }
     .map_err(PlantError::from)
 }
@@ -114,11 +117,20 @@ struct Plant<'a, C> {
     clock: C,
     next_status_ns: u64,
     measures: Measures,
+    keeps_open: bool,
     trace: Option<Vec<TraceRow>>,
+    stream: Option<TraceStream>,
     answers: Answers,
+    /// Where no bus is crossed, only from the first request on.
+    preparer: Option<Preparer>,
+    /// Numbers of the requests that are being prepared.
+    under_way: Vec<u64>,
     /// Counts disturbances, so that only the end of the newest one ends it.
     disturbances: u64,
+    /// Number of the first sample under a law that was changed, until its command takes effect.
+    new_law_from: Option<u64>,
     is_paused: bool,
+    is_timeout_told: bool,
     is_reset: bool,
     is_stopped: bool,
 }
@@ -129,7 +141,7 @@ impl<'a, C: Clock> Plant<'a, C> {
         run: u64,
         engine: Box<dyn Engine>,
         peer: Peer<'a>,
-        has_trace: bool,
+        watch: Watch,
     ) -> Result<Self, LinkError> {
         let header = Header {
             version: VERSION,
@@ -152,10 +164,16 @@ impl<'a, C: Clock> Plant<'a, C> {
             clock: C::new(),
             next_status_ns: 0,
             measures: Measures::new(scenario),
-            trace: has_trace.then(|| Vec::with_capacity(samples.min(TRACED) as usize)),
+            keeps_open: watch.keeps_open,
+            stream: watch.stream,
+            trace: watch.trace.then(|| Vec::with_capacity(samples.min(TRACED) as usize)),
             answers: Answers::default(),
+            preparer: watch.round_trips.then(|| Preparer::start(scenario).ok()).flatten(),
+            under_way: Vec::with_capacity(request::PENDING),
             disturbances: 0,
+            new_law_from: None,
             is_paused: false,
+            is_timeout_told: false,
             is_reset: false,
             is_stopped: false,
         })
@@ -183,8 +201,12 @@ impl<'a, C: Clock> Plant<'a, C> {
                 self.handle(time_ns, event)?;
             }
         }
-        self.clock.end(&self.peer, &mut self.sequencer, self.engine.state().time_ns);
-        self.report_status(2)?;
+        let end_ns = self.engine.state().time_ns;
+        self.clock.end(&self.peer, &mut self.sequencer, end_ns);
+        if self.keeps_open && self.sequencer.has_diverged() && !self.is_stopped {
+            self.stand_still(end_ns, Phase::Diverged)?;
+        }
+        self.report_status(Phase::Finished)?;
         Ok(self.outcome())
     }
 
@@ -200,18 +222,20 @@ impl<'a, C: Clock> Plant<'a, C> {
                 if is_due {
                     self.attend(time_ns)?;
                     if self.is_paused {
-                        self.stand_still(time_ns)?;
+                        self.stand_still(time_ns, Phase::Paused)?;
                     }
                 }
+                self.guard(time_ns);
                 self.take_sample(time_ns);
                 if is_due {
                     self.next_status_ns = time_ns + STATUS_PERIOD_NS;
-                    self.report_status(1)?;
+                    let is_stopped = self.sequencer.is_stopped();
+                    self.report_status(if is_stopped { Phase::Stopped } else { Phase::Running })?;
                 }
             }
             Event::Deliver(state) => self.deliver(time_ns, state)?,
             Event::Arrive(command) => self.apply(time_ns, &command),
-            Event::Timeout(commands) => self.sequencer.time_out(commands, time_ns),
+            Event::Timeout => self.time_out(time_ns),
             Event::EndDisturbance(disturbance) => {
                 if disturbance == self.disturbances {
                     self.engine.disturb([0.0; _]);
@@ -225,7 +249,7 @@ impl<'a, C: Clock> Plant<'a, C> {
     /// with that answer in hand.
     fn meet_controller(&mut self) -> Result<(), BusError> {
         let mut state = self.measure(0);
-        self.set_deadline(0);
+        self.set_deadline();
         let transit = self.sequencer.state_transit(0);
         self.sequencer.hand_over(0);
         let started = Instant::now();
@@ -238,7 +262,7 @@ impl<'a, C: Clock> Plant<'a, C> {
                 self.is_stopped = true;
                 return Ok(());
             }
-            self.report_status(0)?;
+            self.report_status(Phase::Waiting)?;
             self.attend(0)?;
             if self.is_reset {
                 return Ok(());
@@ -259,6 +283,21 @@ impl<'a, C: Clock> Plant<'a, C> {
         Ok(())
     }
 
+    /// Stops the arm if a joint has left its limits.
+    fn guard(&mut self, time_ns: u64) {
+        let truth = self.engine.state();
+        let breach = self.sequencer.guard(&truth.position, &truth.velocity, time_ns);
+        if let Some((joint, key)) = breach {
+            tell_stop(time_ns, joint, key);
+        }
+    }
+
+    /// Ends the hold if no command has taken effect for too long.
+    fn time_out(&mut self, time_ns: u64) {
+        self.sequencer.time_out(time_ns);
+        self.tell_timeout(time_ns);
+    }
+
     /// Measures the state, and sends it on its way.
     fn take_sample(&mut self, time_ns: u64) {
         self.clock.sample(time_ns, self.sequencer.period_ns());
@@ -276,8 +315,8 @@ impl<'a, C: Clock> Plant<'a, C> {
         let Tracked { tip, desired, error } = self.tracking.at(&truth);
         self.measures.sample(time_ns, matrix::squared_norm(&SVector::from(error)));
         let actuator = self.sequencer.actuator();
-        if let Some(trace) = &mut self.trace {
-            trace.push(TraceRow {
+        if self.trace.is_some() || self.stream.is_some() {
+            let row = TraceRow {
                 time: time_ns as f64 * 1e-9,
                 position: truth.position,
                 velocity: truth.velocity,
@@ -286,7 +325,13 @@ impl<'a, C: Clock> Plant<'a, C> {
                 error,
                 torque: actuator.torque(&truth.velocity),
                 echo: actuator.applied(),
-            });
+            };
+            if let Some(stream) = &self.stream {
+                stream.push(row, self.clock.stands_still());
+            }
+            if let Some(trace) = &mut self.trace {
+                trace.push(row);
+            }
         }
         let (position, velocity) = self.sensor.measure(truth.position, truth.velocity);
         StateSample {
@@ -332,55 +377,30 @@ impl<'a, C: Clock> Plant<'a, C> {
     }
 
     fn apply(&mut self, time_ns: u64, command: &Command) {
-        if self.sequencer.apply(command, time_ns) {
+        let velocity = self.engine.state().velocity;
+        let before = self.sequencer.actuator().torque(&velocity);
+        if self.sequencer.apply(command, time_ns, &velocity) {
             self.clock.apply(time_ns);
-            let velocity = self.engine.state().velocity;
-            self.measures.command(&self.sequencer.actuator().torque(&velocity));
-            self.set_deadline(time_ns);
+            let torque = self.sequencer.actuator().torque(&velocity);
+            if self.new_law_from.take_if(|first| command.sequence >= *first).is_some() {
+                self.tell_step(&before, &torque);
+            }
+            self.measures.command(&torque);
+            self.set_deadline();
         }
     }
 
-    fn set_deadline(&mut self, time_ns: u64) {
-        if let Some((deadline_ns, commands)) = self.sequencer.deadline(time_ns) {
-            self.agenda.push(deadline_ns, Event::Timeout(commands));
+    fn set_deadline(&mut self) {
+        if let Some(deadline_ns) = self.sequencer.deadline() {
+            self.agenda.push(deadline_ns, Event::Timeout);
         }
     }
 
-    /// Handles the requests that have come. They are in effect from the sample at `time_ns` on,
-    /// which is not taken yet.
-    fn attend(&mut self, time_ns: u64) -> Result<(), BusError> {
-        for _ in 0..request::AT_A_TIME {
-            let Some(request) = self.peer.exchange().request()? else { break };
-            let change = match self.answers.to(&request) {
-                Some(change) => change,
-                None => {
-                    let revision = self.header.revision;
-                    let mut target = BeforeSample { plant: self, time_ns };
-                    let outcome = request::carry_out(&request, &mut target);
-                    self.offer_changes(revision)?;
-                    let sequence = self.sequencer.next_sequence();
-                    let header = Header { time_ns, sequence, ..self.header };
-                    self.answers.answer(header, &request, outcome)
-                }
-            };
-            self.peer.exchange().announce(&change)?;
-        }
-        Ok(())
-    }
-
-    /// Offers the scenario if it was changed since this revision, before the first sample of the
-    /// new one, so that a controller can fetch it there.
-    fn offer_changes(&mut self, revision: u32) -> Result<(), BusError> {
-        if self.header.revision == revision {
-            return Ok(());
-        }
-        self.peer.exchange().renew(&self.scenario, self.header.revision)
-    }
-
-    /// Lets the run's time stand still at `time_ns` until it is to go on.
-    fn stand_still(&mut self, time_ns: u64) -> Result<(), BusError> {
+    /// Lets the run's time stand still at `time_ns` until it is to go on; after a divergence, until a
+    /// reset.
+    fn stand_still(&mut self, time_ns: u64, phase: Phase) -> Result<(), BusError> {
         let paused = Instant::now();
-        while self.is_paused && !self.is_reset {
+        while (self.is_paused || phase == Phase::Diverged) && !self.is_reset {
             let (peer, sequencer) = (&mut self.peer, &mut self.sequencer);
             let heard = self.clock.stand_still(peer, sequencer, time_ns, GLANCE)?;
             self.take(heard);
@@ -388,7 +408,7 @@ impl<'a, C: Clock> Plant<'a, C> {
                 self.is_stopped = true;
                 break;
             }
-            self.report_status(3)?;
+            self.report_status(phase)?;
             self.attend(time_ns)?;
         }
         self.clock.resume(paused.elapsed());
@@ -396,24 +416,29 @@ impl<'a, C: Clock> Plant<'a, C> {
         Ok(())
     }
 
-    fn report_status(&mut self, phase: u64) -> Result<(), BusError> {
+    fn report_status(&mut self, phase: Phase) -> Result<(), BusError> {
         let truth = self.engine.state();
-        let Commands { sent, applied, lost, late, .. } = self.sequencer.commands();
+        let Commands { sent, applied, lost, too_old, late, .. } = self.sequencer.commands();
+        let stalls = self.clock.stalls();
         let exchange = self.peer.exchange();
         exchange.report(&StatusSample {
             header: self.header,
-            phase,
+            phase: phase as u64,
             sent,
             applied,
             lost,
+            too_old,
             late,
             rejected: exchange.rejected(),
             deadline_misses: self.clock.deadline_misses().unwrap_or(0),
+            stalls: stalls.count,
+            longest_stall_ns: stalls.longest_ns,
             timeouts: self.sequencer.timeouts(),
             takeovers: exchange.takeovers(),
-            position: truth.position,
-            velocity: truth.velocity,
-            torque: self.sequencer.actuator().torque(&truth.velocity),
+            // An arm that diverged has numbers that no monitor would accept.
+            position: finite(truth.position),
+            velocity: finite(truth.velocity),
+            torque: finite(self.sequencer.actuator().torque(&truth.velocity)),
         })
     }
 
@@ -425,10 +450,13 @@ impl<'a, C: Clock> Plant<'a, C> {
         let rejected = self.peer.exchange().rejected();
         let takeovers = self.peer.exchange().takeovers();
         let (round_trips, residences) = self.peer.into_durations();
+        let stalls = self.clock.stalls();
         let report = Report {
             commands: Commands { rejected, ..report.commands },
             takeovers,
             deadline_misses: self.clock.deadline_misses(),
+            stalls: stalls.count,
+            longest_stall_us: (stalls.count > 0).then_some(stalls.longest_ns as f64 * 1e-3),
             longest_gap_us: self.clock.longest_gap_ns().map(|gap| gap as f64 * 1e-3),
             round_trip_us: round_trips.percentiles(),
             residence_us: residences.percentiles(),
@@ -444,40 +472,7 @@ impl<'a, C: Clock> Plant<'a, C> {
     }
 }
 
-/// A plant just before the sample at an instant.
-struct BeforeSample<'p, 'a, C> {
-    plant: &'p mut Plant<'a, C>,
-    time_ns: u64,
-}
-
-impl<C: Clock> Changeable for BeforeSample<'_, '_, C> {
-    fn scenario(&self) -> &Scenario {
-        &self.plant.scenario
-    }
-
-    fn change(&mut self, scenario: Scenario) -> Result<(), Refusal> {
-        let plant = &mut *self.plant;
-        plant.sequencer.reconfigure(&plant.scenario, &scenario)?;
-        plant.sensor.set_noise(scenario.noise);
-        plant.header.revision += 1;
-        plant.scenario = scenario;
-        Ok(())
-    }
-
-    fn disturb(&mut self, torque: Joints, duration_ns: u64) {
-        let plant = &mut *self.plant;
-        plant.advance(self.time_ns);
-        plant.disturbances += 1;
-        plant.engine.disturb(torque);
-        let end = Event::EndDisturbance(plant.disturbances);
-        plant.agenda.push(self.time_ns + duration_ns, end);
-    }
-
-    fn pause(&mut self, is_paused: bool) {
-        self.plant.is_paused = is_paused;
-    }
-
-    fn reset(&mut self) {
-        self.plant.is_reset = true;
-    }
+/// Zero in place of what is no number.
+fn finite(list: Joints) -> Joints {
+    list.map(|number| if number.is_finite() { number } else { 0.0 })
 }

@@ -39,6 +39,12 @@ pub struct Report {
     pub commands: Commands,
     /// Sampling instants reached only after the next was due; null in lockstep.
     pub deadline_misses: Option<u64>,
+    /// How often the plant did not run for a while; the run's time stood still meanwhile.
+    #[serde(default)]
+    pub stalls: u64,
+    /// The longest of these times; null where there was none.
+    #[serde(default)]
+    pub longest_stall_us: Option<f64>,
     /// How often commands stayed away for longer than the command timeout.
     pub timeouts: u64,
     /// How often another controller began to lead.
@@ -110,6 +116,11 @@ impl<const N: usize> Measures<N> {
         self.previous = Some(*torque);
     }
 
+    /// rms over the commands so far of ‖τ_k − τ_{k−1}‖, N m; `None` before the second.
+    pub fn rms_step(&self) -> Option<f64> {
+        (self.steps > 0).then(|| (self.squared_step / self.steps as f64).sqrt())
+    }
+
     /// Sampling instants so far.
     pub fn samples(&self) -> u64 {
         self.samples
@@ -138,12 +149,12 @@ impl<const N: usize> Measures<N> {
             peak_error_m: over_half(self.peak_error),
             energy_j: finite(energy),
             peak_torque_nm: self.peak_torque[..joints].to_vec(),
-            torque_step_rms_nm: (self.steps > 0)
-                .then(|| (self.squared_step / self.steps as f64).sqrt())
-                .and_then(finite),
+            torque_step_rms_nm: self.rms_step().and_then(finite),
             diverged: sequencer.has_diverged(),
             commands: sequencer.commands(),
             deadline_misses: None,
+            stalls: 0,
+            longest_stall_us: None,
             timeouts: sequencer.timeouts(),
             takeovers: 0,
             longest_gap_us: None,

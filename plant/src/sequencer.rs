@@ -9,20 +9,27 @@
 //! - **Arrival.** A torque sets out when its state was answered; its link says when it arrives, or
 //!   loses it.
 //! - **Hold.** The [`Actuator`] holds torque and echo; a command older than the command timeout
-//!   does not take effect, and a timeout ends the hold.
+//!   does not take effect, and a timeout ends the hold. It counts from the instant at which a
+//!   command took effect last, whatever the timeout was then.
+//! - **Stall.** After a time for which the plant did not run, commands from before do not act.
+//! - **Stop.** A joint that leaves its limits stops the arm: it brakes, and no command acts, until the
+//!   stop is released.
 //! - **Counting.** A state counts as sent when it is handed over, its command as lost, rejected or
 //!   applied when that happens.
 //! - **Divergence.** A joint speed of [`RUNAWAY`] or more, or one that is not a number, ends a run.
 
 use std::time::Duration;
 
-use mtj_model::{MAX_ECHO, MAX_JOINTS, scenario::Scenario};
+use mtj_model::{
+    MAX_ECHO, MAX_JOINTS,
+    scenario::{JointLimits, Scenario},
+};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     actuator::{Actuator, Command},
     error::LinkError,
-    link::{Direction, Link},
+    link::{Link, LinkChanges, Links},
 };
 
 /// A joint speed that no arm reaches, rad/s: from it on a run has diverged.
@@ -37,6 +44,10 @@ pub struct Commands {
     pub applied: u64,
     /// Commands that never came, or that a newer one had overtaken.
     pub lost: u64,
+    /// Commands that were older than the command timeout when they came, or from before a stall, or
+    /// that came while the arm was stopped.
+    #[serde(default)]
+    pub too_old: u64,
     /// Commands that came more than a sample period after their state was sent.
     pub late: u64,
     /// Torque samples that were not acceptable.
@@ -68,52 +79,104 @@ pub struct Sequencer<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
     next_sample_ns: u64,
     /// Number of the newest state that was handed over.
     handed_over: Option<u64>,
+    /// Number of the first sample whose command may act.
+    acts_from: u64,
+    /// When a command took effect last, ns; the run's beginning before any.
+    applied_ns: u64,
     commands: Commands,
     timeouts: u64,
     has_diverged: bool,
+    joint_limits: JointLimits,
+    /// How a stop brakes, N m s/rad.
+    damping: f64,
+    /// Whether the arm was within its limits at the last look.
+    is_within_limits: bool,
+    is_stopped: bool,
 }
 
 impl<const N: usize, const E: usize> Sequencer<N, E> {
     /// Before the first sample.
     pub fn new(scenario: &Scenario) -> Result<Self, LinkError> {
-        let (links, seed) = (&scenario.link, scenario.seed);
+        let Links { state, torque } = Links::new(scenario)?;
         Ok(Self {
             period_ns: nanoseconds(scenario.timing.sample_period),
             memory_step_ns: nanoseconds(scenario.law.memory.step),
             timeout_ns: scenario.safety.command_timeout.map(nanoseconds),
-            state_link: Link::new(&links.state, Direction::State, seed)?,
-            torque_link: Link::new(&links.torque, Direction::Torque, seed)?,
+            state_link: state,
+            torque_link: torque,
             actuator: Actuator::new(scenario),
             next_sequence: 0,
             next_sample_ns: 0,
             handed_over: None,
+            acts_from: 0,
+            applied_ns: 0,
             commands: Commands::default(),
             timeouts: 0,
             has_diverged: false,
+            joint_limits: scenario.safety.joint_limits.clone(),
+            damping: scenario.safety.damping,
+            is_within_limits: true,
+            is_stopped: false,
         })
     }
 
-    /// Takes over a scenario that was changed from `before` between two samples. If that fails,
-    /// nothing changes. A link that is as before goes on with its random numbers.
-    pub fn reconfigure(&mut self, before: &Scenario, scenario: &Scenario) -> Result<(), LinkError> {
-        let (links, before) = (&scenario.link, &before.link);
-        let changed = |settings, before, direction| {
-            let link = || Link::new(settings, direction, scenario.seed);
-            (settings != before).then(link).transpose()
-        };
-        let state_link = changed(&links.state, &before.state, Direction::State)?;
-        let torque_link = changed(&links.torque, &before.torque, Direction::Torque)?;
-        if let Some(link) = state_link {
+    /// Takes over a changed scenario and its links, just before the sample at `time_ns`, at joint
+    /// velocities `velocity`.
+    pub fn reconfigure(
+        &mut self,
+        scenario: &Scenario,
+        links: LinkChanges,
+        time_ns: u64,
+        velocity: &[f64; N],
+    ) {
+        if let Some(link) = links.state {
             self.state_link = link;
         }
-        if let Some(link) = torque_link {
+        if let Some(link) = links.torque {
             self.torque_link = link;
         }
-        self.actuator.reconfigure(scenario);
+        self.actuator.reconfigure(scenario, time_ns, velocity);
         self.period_ns = nanoseconds(scenario.timing.sample_period);
         self.memory_step_ns = nanoseconds(scenario.law.memory.step);
         self.timeout_ns = scenario.safety.command_timeout.map(nanoseconds);
-        Ok(())
+        self.joint_limits = scenario.safety.joint_limits.clone();
+        self.damping = scenario.safety.damping;
+        if self.is_stopped {
+            self.actuator.brake(time_ns, self.damping);
+        }
+        self.time_out(time_ns);
+    }
+
+    /// Looks whether a joint has left its limits, just before the sample at `time_ns`. If one has, the
+    /// arm stops; returns the joint, from 0, and the key of the limit. An arm that was released
+    /// outside of its limits may go on to return.
+    pub fn guard(
+        &mut self,
+        position: &[f64; N],
+        velocity: &[f64; N],
+        time_ns: u64,
+    ) -> Option<(usize, &'static str)> {
+        if self.joint_limits.is_empty() {
+            return None;
+        }
+        let breach = self.joint_limits.breach(position, velocity);
+        let leaves = breach.filter(|_| self.is_within_limits);
+        self.is_within_limits = breach.is_none();
+        if leaves.is_some() {
+            self.is_stopped = true;
+            self.actuator.brake(time_ns, self.damping);
+        }
+        leaves
+    }
+
+    /// Whether the arm is stopped.
+    pub fn is_stopped(&self) -> bool {
+        self.is_stopped
+    }
+
+    /// Ends a stop: commands act again.
+    pub fn release(&mut self) {
+        self.is_stopped = false;
     }
 
     /// Takes the sample at `time_ns`; returns its number.
@@ -168,34 +231,43 @@ impl<const N: usize, const E: usize> Sequencer<N, E> {
         }
     }
 
-    /// Puts a command into effect at `time_ns`; false, and lost, if a newer one has overtaken it,
-    /// or if it is older than the command timeout.
+    /// Puts a command into effect at `time_ns` and at joint velocities `velocity`; false, and counted, if it is older than the command
+    /// timeout, or if a newer one has overtaken it.
     #[inline(always)]
-    pub fn apply(&mut self, command: &Command<N, E>, time_ns: u64) -> bool {
+    pub fn apply(&mut self, command: &Command<N, E>, time_ns: u64, velocity: &[f64; N]) -> bool {
         let age_ns = time_ns.saturating_sub(command.sampled_ns);
         let is_too_old = self.timeout_ns.is_some_and(|timeout| age_ns > timeout);
-        let is_applied = !is_too_old && self.actuator.apply(command, time_ns);
-        if is_applied {
-            self.commands.applied += 1;
-        } else {
-            self.commands.lost += 1;
+        if is_too_old || self.is_stopped || command.sequence < self.acts_from {
+            self.commands.too_old += 1;
+            return false;
         }
-        is_applied
+        if !self.actuator.apply(command, time_ns, velocity) {
+            self.commands.lost += 1;
+            return false;
+        }
+        self.applied_ns = time_ns;
+        self.commands.applied += 1;
+        true
     }
 
-    /// When commands have stayed away for too long if none comes after `time_ns`, and how many have
-    /// come into effect by then.
-    pub fn deadline(&self, time_ns: u64) -> Option<(u64, u64)> {
-        self.timeout_ns.map(|timeout| (time_ns + timeout, self.actuator.commands()))
+    /// When the command timeout is over if no command takes effect before; `None` if it is over
+    /// already, or if there is none.
+    pub fn deadline(&self) -> Option<u64> {
+        let timeout = self.timeout_ns.filter(|_| !self.actuator.has_timed_out())?;
+        Some(self.applied_ns + timeout)
     }
 
-    /// The end of a deadline: if no more than this number of commands have come into effect, none
-    /// has come for too long.
-    pub fn time_out(&mut self, commands: u64, time_ns: u64) {
-        if commands == self.actuator.commands() {
+    /// Ends the hold if the deadline is reached.
+    pub fn time_out(&mut self, time_ns: u64) {
+        if self.deadline().is_some_and(|deadline| time_ns >= deadline) {
             self.timeouts += 1;
             self.actuator.time_out(time_ns);
         }
+    }
+
+    /// Lets no command act that answers a sample taken before now.
+    pub fn forget_commands(&mut self) {
+        self.acts_from = self.next_sequence;
     }
 
     /// Checks true joint velocities, rad/s, for divergence.

@@ -17,8 +17,9 @@ impl fmt::Display for Report {
         if self.diverged {
             writeln!(f, "  diverged        after {duration_s:.3} s")?;
         }
-        writeln!(f, "  rms error       {}", number(self.rms_error_m, "m"))?;
-        writeln!(f, "  peak error      {}", number(self.peak_error_m, "m"))?;
+        for (name, error) in [("rms error", self.rms_error_m), ("peak error", self.peak_error_m)] {
+            writeln!(f, "  {name:<15} {}, second half of the run", number(error, "m"))?;
+        }
         let energy = self.energy_j.map_or("-".to_owned(), |x| format!("{} J", short(x)));
         writeln!(f, "  energy          {energy}")?;
         let peaks: Vec<_> = self.peak_torque_nm.iter().map(|x| short(*x)).collect();
@@ -27,11 +28,24 @@ impl fmt::Display for Report {
         let c = &self.commands;
         writeln!(
             f,
-            "  commands        {} sent, {} applied, {} lost, {} late, {} rejected",
-            c.sent, c.applied, c.lost, c.late, c.rejected
+            "  commands        {} sent, {} applied, {} lost, {} late, {} rejected{}",
+            c.sent,
+            c.applied,
+            c.lost,
+            c.late,
+            c.rejected,
+            if c.too_old > 0 { format!(", {} too old", c.too_old) } else { String::new() }
         )?;
         if let Some(misses) = self.deadline_misses {
             writeln!(f, "  deadline misses {misses}")?;
+        }
+        if let Some(longest) = self.longest_stall_us {
+            writeln!(
+                f,
+                "  stalls          {}, the longest {:.1} ms: the plant did not run, and the run stood still",
+                self.stalls,
+                longest * 1e-3
+            )?;
         }
         if self.timeouts > 0 || self.takeovers > 0 {
             let gap = self.longest_gap_us.map_or(String::new(), |gap| {

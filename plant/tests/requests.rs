@@ -85,7 +85,7 @@ fn run(
         phases: Vec::new(),
         offered: Vec::new(),
     };
-    let watch = Watch { trace: true, round_trips: false };
+    let watch = Watch { trace: true, ..Watch::default() };
     let outcome = plant::run(&scenario, RUN, &mut exchange, watch, &|| true).unwrap();
     let Requesting { states, changes, phases, offered, .. } = exchange;
     Ran { outcome, states, changes, phases, offered }
@@ -230,4 +230,47 @@ fn a_repeated_request_is_answered_again_and_carried_out_once() {
     let twice = run(&[], &[(20, kick), (24, kick), (30, kick)], stiff);
     assert_eq!(twice.outcome.trace, once.outcome.trace);
     assert_eq!(twice.changes, vec![once.changes[0]; 3]);
+}
+
+#[test]
+fn a_joint_beyond_its_limit_stops_the_arm_until_it_is_resumed() {
+    // A constant torque turns the first joint beyond 0.2 rad.
+    let push = |state: &StateSample| TorqueSample {
+        header: state.header.answer(),
+        torque: padded(&[8.0, 0.0]),
+        ..Default::default()
+    };
+    let sets = ["arm.velocity=[0.0, 0.0]", "safety.position_max=[0.2, 3.0]", "safety.damping=50.0"];
+    let ran = run(&sets, &[(80, request(1, Request::Resume))], push);
+    let trace = &ran.outcome.trace;
+    let stopped = trace.iter().position(|row| row.position[0] > 0.2).unwrap();
+    let resumed = ran.changes[0].header.sequence as usize;
+    assert!(stopped + 10 < resumed, "{stopped} {resumed}");
+    for (sample, row) in trace.iter().enumerate() {
+        let is_stopped = (stopped..resumed).contains(&sample);
+        let expected = if is_stopped { -50.0 * row.velocity[0] } else { 8.0 };
+        // The first command takes effect after the first sample, as does the first after a resume.
+        if sample > 0 && sample != resumed {
+            assert!((row.torque[0] - expected).abs() < 1e-9, "sample {sample}: {row:?}");
+        }
+        assert_eq!(ran.states[sample].timed_out == 1, (stopped..=resumed).contains(&sample));
+    }
+    assert!(ran.phases.contains(&5), "{:?}", ran.phases);
+    let commands = ran.outcome.report.commands;
+    assert_eq!(commands.too_old as usize, resumed - stopped, "{commands:?}");
+    assert_eq!(commands.sent, commands.applied + commands.lost + commands.too_old);
+}
+
+#[test]
+fn a_speed_beyond_its_limit_stops_the_arm_until_a_reset() {
+    let push = |state: &StateSample| TorqueSample {
+        header: state.header.answer(),
+        torque: padded(&[20.0, 0.0]),
+        ..Default::default()
+    };
+    let sets = ["arm.velocity=[0.0, 0.0]", "safety.speed_limit=2.0"];
+    let ran = run(&sets, &[(90, request(1, Request::Reset))], push);
+    assert!(ran.outcome.reset.is_some());
+    let fastest = ran.outcome.trace.iter().map(|row| row.velocity[0].abs()).fold(0.0, f64::max);
+    assert!(fastest < 2.5, "{fastest} rad/s");
 }

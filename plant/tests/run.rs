@@ -17,7 +17,7 @@ fn run(sets: &[&str], mut respond: impl FnMut(&StateSample) -> TorqueSample) -> 
     let sets: Vec<Override> = fixed.iter().chain(sets).map(|set| set.parse().unwrap()).collect();
     let scenario = Scenario::parse("here", built_in("sampled/mtj").unwrap(), &sets).unwrap();
     let mut exchange = Direct::new(7, |state: &StateSample| Ok::<_, Infallible>(respond(state)));
-    let watch = Watch { trace: true, round_trips: false };
+    let watch = Watch { trace: true, ..Watch::default() };
     plant::run(&scenario, 7, &mut exchange, watch, &|| true).unwrap()
 }
 

@@ -45,6 +45,12 @@ pub enum Rejection {
     /// The answer to a state that was not sent.
     #[error("it answers a state that was not sent")]
     Unasked,
+    /// The answer does not return what was sent with its state.
+    #[error(
+        "it does not return the time_ns, revision and sent_ns of the state that it answers, as \
+         docs/wire.md asks for"
+    )]
+    Echo,
     /// From a controller that is not the leader.
     #[error("it is from a controller that is not the leader")]
     NotLeader,

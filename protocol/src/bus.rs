@@ -109,6 +109,11 @@ pub trait Bus {
     fn announce(&self, member: &Member) -> Result<Box<dyn Any>, BusError>;
     /// Watches which members of the session are present.
     fn attendance(&self) -> Result<Box<dyn Attendance>, BusError>;
+    /// Why a session may seem to be empty, in a sentence for the user who waits for a plant; `None`
+    /// if the bus knows no reason.
+    fn reason_for_silence(&self) -> Option<String> {
+        None
+    }
 }
 
 /// The members of a session that are present.
@@ -271,6 +276,14 @@ pub enum BusError {
         /// The system's reason.
         source: Errno,
     },
+    /// The session has a plant.
+    #[error(
+        "session '{session}' has a plant already; stop it, or choose another name with --session"
+    )]
+    SecondPlant {
+        /// The session.
+        session: String,
+    },
     /// The settings of the bus are not valid.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
@@ -298,6 +311,7 @@ impl BusError {
             | Self::OneSession
             | Self::NotBuilt { .. }
             | Self::Cpu { .. }
+            | Self::SecondPlant { .. }
             | Self::Scenario(_)
             | Self::Settings(_) => true,
             Self::Transport(_) | Self::Controller(_) => false,

@@ -34,6 +34,7 @@ pub mod realtime;
 pub mod request;
 pub mod sample;
 pub mod shutdown;
+pub mod stall;
 pub mod transport;
 pub mod warn_once;
 #[cfg(feature = "zenoh")]

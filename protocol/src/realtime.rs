@@ -2,8 +2,12 @@
 //!
 //! If the system refuses, the role logs a warning and continues: its loop is only less punctual.
 
-use std::{fs, io};
+use std::{
+    fs, io,
+    sync::{Once, OnceLock},
+};
 
+use mtj_model::scenario::{DEFAULT_SPIN, Wait};
 use nix::{
     libc,
     sched::{CpuSet, sched_setaffinity},
@@ -27,6 +31,7 @@ pub struct Realtime {
 impl Realtime {
     /// Applies the options that must precede the joining of a bus.
     pub fn before_joining(&self) {
+        allowed();
         if self.lock_memory {
             fault_in_stack();
             // Populates everything that is mapped: the program, its heap, its stack.
@@ -54,11 +59,42 @@ impl Realtime {
         let Some(core) = self.cpu else { return Ok(()) };
         let mut cores = CpuSet::new();
         let pinned = cores.set(core).and_then(|()| sched_setaffinity(Pid::from_raw(0), &cores));
-        pinned.map_err(|source| {
-            let allowed = std::thread::available_parallelism().map_or(1, usize::from);
-            BusError::Cpu { core, allowed, source }
-        })
+        pinned.map_err(|source| BusError::Cpu { core, allowed: allowed(), source })
     }
+}
+
+/// How many processors this process could use before it was pinned to one.
+fn allowed() -> usize {
+    static ALLOWED: OnceLock<usize> = OnceLock::new();
+    *ALLOWED.get_or_init(|| std::thread::available_parallelism().map_or(1, usize::from))
+}
+
+/// How a loop can wait that was asked to wait so: on a single processor a role that spins would keep
+/// from running what it waits for.
+pub fn affordable(wait: Wait) -> Wait {
+    static TOLD: Once = Once::new();
+    if wait != Wait::Spin || allowed() > 1 {
+        return wait;
+    }
+    TOLD.call_once(|| {
+        tracing::warn!(
+            "this process may use one processor only, where spinning would stop the loop: it waits as \
+             with bus.wait = \"hybrid\" instead"
+        );
+    });
+    Wait::Hybrid(DEFAULT_SPIN)
+}
+
+/// Gives the current thread, which works for a loop but is none, no part of the loop's priority and
+/// processor: so that it cannot delay the loop.
+pub fn leave_the_loop() {
+    // Where it is refused, the thread keeps what it has inherited; it seldom runs.
+    let _ = set_scheduler(0, libc::SCHED_OTHER, 0);
+    let mut all = CpuSet::new();
+    (0..CpuSet::count()).for_each(|core| {
+        let _ = all.set(core);
+    });
+    let _ = sched_setaffinity(Pid::from_raw(0), &all);
 }
 
 fn lock(flags: MlockAllFlags) {
@@ -77,7 +113,8 @@ fn warn(option: &str, error: &io::Error, remedy: &str) {
 fn set_fifo(priority: u8) -> io::Result<()> {
     for thread in fs::read_dir("/proc/self/task")? {
         let thread = thread?.file_name().to_str().and_then(|name| name.parse().ok());
-        match thread.map_or(Ok(()), |thread| set_fifo_of(thread, priority)) {
+        let set = |thread| set_scheduler(thread, libc::SCHED_FIFO, priority);
+        match thread.map_or(Ok(()), set) {
             // The thread has ended meanwhile.
             Err(error) if error.raw_os_error() == Some(libc::ESRCH) => {}
             result => result?,
@@ -87,10 +124,10 @@ fn set_fifo(priority: u8) -> io::Result<()> {
 }
 
 #[expect(unsafe_code, reason = "nix wraps the scheduler's affinity, but not its policy")]
-fn set_fifo_of(thread: libc::pid_t, priority: u8) -> io::Result<()> {
+fn set_scheduler(thread: libc::pid_t, policy: libc::c_int, priority: u8) -> io::Result<()> {
     let parameters = libc::sched_param { sched_priority: priority.into() };
     // SAFETY: the parameters outlive the call, which only reads them.
-    match unsafe { libc::sched_setscheduler(thread, libc::SCHED_FIFO, &raw const parameters) } {
+    match unsafe { libc::sched_setscheduler(thread, policy, &raw const parameters) } {
         0 => Ok(()),
         _ => Err(io::Error::last_os_error()),
     }

@@ -14,7 +14,7 @@ use mtj_model::{MAX_AXES, MAX_ECHO, MAX_JOINTS, MAX_SIGNALS, law};
 use serde::{Deserialize, Serialize};
 
 /// Changes whenever the layout or the meaning of a sample does.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 
 /// One number for each joint; entries past the count are zero.
 pub type Joints = [f64; MAX_JOINTS];
@@ -254,6 +254,8 @@ sample! {
         echo_count: u64,
         /// τ, N m.
         torque: Joints,
+        /// The part of τ that balances gravity, N m: a torque limit scales the rest alone.
+        gravity: Joints,
         /// Numbers of the law's choice, like its task force Q̂: the plant holds them with the
         /// torque, scales them with it, and returns what was in effect.
         echo: Echo,
@@ -281,20 +283,27 @@ sample! {
     StatusSample {
         /// The latest sampling instant.
         header: Header,
-        /// 0 waiting for a controller, 1 running, 2 finished, 3 paused.
+        /// 0 waiting for a controller, 1 running, 2 finished, 3 paused, 4 diverged: over, and waiting
+        /// for a reset, 5 stopped at a joint limit until it is resumed or reset.
         phase: u64,
-        /// Commands asked for, applied, lost, late and rejected so far.
+        /// Commands asked for so far.
         sent: u64,
         /// Commands that came into effect.
         applied: u64,
         /// Commands that never came.
         lost: u64,
+        /// Commands that were too old to act when they came.
+        too_old: u64,
         /// Commands that came after the next sampling instant.
         late: u64,
         /// Torque samples that were not acceptable.
         rejected: u64,
         /// Sampling instants that the plant reached after the next was due.
         deadline_misses: u64,
+        /// How often the plant did not run for a while: the run's time stood still meanwhile.
+        stalls: u64,
+        /// The longest of these times, ns.
+        longest_stall_ns: u64,
         /// How often no command came for longer than the command timeout.
         timeouts: u64,
         /// How often the leader changed.
@@ -305,6 +314,48 @@ sample! {
         velocity: Joints,
         /// Torque in effect, N m.
         torque: Joints,
+    }
+}
+
+/// The phase of a run, as [`StatusSample`] carries it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// The plant waits for a controller.
+    Waiting,
+    /// The arm moves.
+    Running,
+    /// The run is over.
+    Finished,
+    /// An operator paused the run.
+    Paused,
+    /// The arm diverged: the run is over, and the plant waits for a reset.
+    Diverged,
+    /// A joint left its limits: the arm brakes until it is resumed or reset.
+    Stopped,
+}
+
+impl Phase {
+    /// All phases, in the order of their numbers on the wire.
+    pub const ALL: [Self; 6] =
+        [Self::Waiting, Self::Running, Self::Finished, Self::Paused, Self::Diverged, Self::Stopped];
+
+    /// The phase in one word.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Waiting => "waiting",
+            Self::Running => "running",
+            Self::Finished => "finished",
+            Self::Paused => "paused",
+            Self::Diverged => "diverged",
+            Self::Stopped => "stopped",
+        }
+    }
+}
+
+impl StatusSample {
+    /// The phase of the run; `None` for one that this program does not know.
+    pub fn phase(&self) -> Option<Phase> {
+        Phase::ALL.get(self.phase as usize).copied()
     }
 }
 
@@ -397,7 +448,7 @@ macro_rules! implement_sample {
 
 implement_sample! {
     StateSample, "state", one writer true, loop true: position, velocity, applied, delivered => echo_count;
-    TorqueSample, "torque", one writer false, loop true: torque, echo => echo_count;
+    TorqueSample, "torque", one writer false, loop true: torque, gravity, echo => echo_count;
     ErrorSample, "error", one writer false, loop false: error, error_rate, signals;
     StatusSample, "status", one writer true, loop false: position, velocity, torque;
     RequestSample, "request", one writer false, loop false: torque;

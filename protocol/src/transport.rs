@@ -107,6 +107,9 @@ impl Bus for AnyBus {
     fn attendance(&self) -> Result<Box<dyn Attendance>, BusError> {
         on_any!(self, bus => bus.attendance())
     }
+    fn reason_for_silence(&self) -> Option<String> {
+        on_any!(self, bus => bus.reason_for_silence())
+    }
 }
 
 impl Shared for AnyBus {

@@ -33,11 +33,11 @@ use tracing_subscriber::{
 };
 
 /// The version before this one, and the sizes that its samples had.
-const OLD: u32 = 3;
+const OLD: u32 = 4;
 const OLD_SIZES: [(&str, usize); 7] = [
-    ("state", 296),
-    ("torque", 168),
-    ("error", 240),
+    ("state", 320),
+    ("torque", 184),
+    ("error", 280),
     ("status", 280),
     ("request", 496),
     ("change", 512),

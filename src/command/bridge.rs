@@ -1,18 +1,18 @@
 //! `mtj bridge`: a loop on one bus, heard on another.
 
 use std::{
-    io::{Write, stdout},
+    io::{self, Write},
     thread,
     time::{Duration, Instant},
 };
 
 use clap::Args;
 use mtj_model::scenario::BusSettings;
-use mtj_options::{BusOptions, SessionOptions};
+use mtj_options::{BusOptions, SessionOptions, lossy::LossyWriter};
 use mtj_protocol::{
     bus::Bus,
     member::{Member, Role},
-    port::{Bridge, Traffic},
+    port::{Bridge, Survivor, Traffic},
     shutdown::Shutdown,
     transport::AnyBus,
 };
@@ -51,13 +51,14 @@ impl BridgeCommand {
         let Some(far) = AnyBus::open_for_bridge(&to, &proceed)? else { return Ok(()) };
         let Some(near) = AnyBus::open(&from, role, &proceed)? else { return Ok(()) };
         let mut bridge = Bridge::open(&near, &far, self.read_only)?;
-        say(&format!(
+        let mut log = Log::new(LossyWriter::new(io::stdout())?);
+        log.say(&format!(
             "mtj bridge: session '{}' from {} to {}; Ctrl-C ends the bridge, and nothing else",
             from.session, self.from, self.to
         ));
-        let mut log = Log::new();
+        let mut survivor = Survivor::default();
         while proceed() {
-            bridge.forward()?;
+            survivor.survive("forward samples", bridge.forward());
             log.refresh(&bridge);
             thread::sleep(PERIOD);
         }
@@ -90,6 +91,7 @@ impl BridgeCommand {
 
 /// Says once a second how it goes.
 struct Log {
+    out: LossyWriter,
     before: Traffic,
     is_missing: bool,
     next: Instant,
@@ -98,8 +100,14 @@ struct Log {
 const SECOND: Duration = Duration::from_secs(1);
 
 impl Log {
-    fn new() -> Self {
-        Self { before: Traffic::default(), is_missing: false, next: Instant::now() + SECOND }
+    fn new(out: LossyWriter) -> Self {
+        let next = Instant::now() + SECOND;
+        Self { out, before: Traffic::default(), is_missing: false, next }
+    }
+
+    /// Prints a line; a reader that is gone does not end the bridge.
+    fn say(&mut self, line: &str) {
+        let _ = writeln!(self.out, "{line}");
     }
 
     fn refresh<N: Bus, F: Bus>(&mut self, bridge: &Bridge<'_, N, F>) {
@@ -116,7 +124,7 @@ impl Log {
             );
         }
         self.is_missing = missed > 0;
-        say(&format!(
+        self.say(&format!(
             "{:6} samples/s  requests {}  missed {}  malformed {}  here: {}",
             traffic.forwarded - self.before.forwarded,
             traffic.returned,
@@ -127,18 +135,14 @@ impl Log {
         self.before = traffic;
     }
 
-    fn end(&self, traffic: &Traffic) {
+    fn end(&mut self, traffic: &Traffic) {
         let Traffic { forwarded, returned, missed, malformed } = traffic;
-        say(&format!(
+        self.say(&format!(
             "mtj bridge: carried {forwarded} samples over and {returned} requests back; {missed} states missed, \
              {malformed} messages malformed"
         ));
+        self.out.finish();
     }
-}
-
-/// Prints a line; a reader that is gone does not end the bridge.
-fn say(line: &str) {
-    let _ = writeln!(stdout(), "{line}");
 }
 
 /// Which roles take part, in words.

@@ -11,7 +11,7 @@ use mtj_monitor::{
     recording::options::NewRecording,
     web::SessionInfo,
 };
-use mtj_options::{JoinOptions, RealtimeOptions};
+use mtj_options::{JoinOptions, RealtimeOptions, lossy::LossyWriter};
 use mtj_protocol::{
     bus::BusError, member::Role, realtime::Realtime, shutdown::Shutdown, transport::AnyBus,
 };
@@ -66,7 +66,10 @@ impl Monitor {
         bus.session.session = None;
         let shutdown = self.shutdown();
         let Some(bus) = self.join(&bus, shutdown)? else { return Ok(()) };
-        fleet::run(&bus, pattern, io::stdout(), &|| shutdown.proceed())
+        let out = LossyWriter::new(io::stdout()).map_err(|error| MonitorError::of(error, false))?;
+        let result = fleet::run(&bus, pattern, out.clone(), &|| shutdown.proceed());
+        out.finish();
+        result
     }
 
     fn run_session(&self) -> Result<(), MonitorError> {
@@ -97,12 +100,16 @@ impl Monitor {
             // The process that started this one waits for exactly this line.
             let _ = writeln!(io::stderr(), "{LISTENING}");
         }
+        // Not held up by a terminal that takes nothing: a recording would lose samples.
+        let out = LossyWriter::new(io::stdout()).map_err(|error| MonitorError::of(error, false))?;
         match terminal.open(&settings)? {
             Some(dashboard) => sinks.push(Box::new(dashboard)),
-            None => sinks.push(Box::new(Lines::new(io::stdout()))),
+            None => sinks.push(Box::new(Lines::new(out.clone()))),
         }
         let mut sinks = filter.before(sinks);
         sinks.extend(recorder);
-        monitor::run(&mut source, &mut sinks, &|| shutdown.proceed())
+        let result = monitor::run(&mut source, &mut sinks, &|| shutdown.proceed());
+        out.finish();
+        result
     }
 }

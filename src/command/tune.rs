@@ -108,10 +108,16 @@ impl Tune {
         options.set.extend(["duration=2s".to_owned(), "timing.clock=realtime".to_owned()]);
         let scenario = options.load()?;
         let report = if scenario.bus.kind == BusKind::Local {
-            experiment::run(&scenario, false, proceed)?.report
+            experiment::run(&scenario, mtj_plant::plant::Watch::default(), proceed)?.report
         } else {
             launch_roles(
-                Launch { options, trace: None, monitor: None, realtime: Default::default() },
+                Launch {
+                    options,
+                    keeps_open: false,
+                    trace: None,
+                    monitor: None,
+                    realtime: Default::default(),
+                },
                 &scenario,
             )?
         };

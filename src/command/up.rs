@@ -64,8 +64,13 @@ impl Up {
             self.audience.web = self.audience.web.wanted();
         }
         let monitor = Some(Show { greeting, arguments: self.audience.arguments() });
-        let launch =
-            Launch { options: self.scenario, trace: None, monitor, realtime: self.realtime };
+        let launch = Launch {
+            options: self.scenario,
+            keeps_open: true,
+            trace: None,
+            monitor,
+            realtime: self.realtime,
+        };
         let report = launch_roles(launch, &scenario)?;
         Ok(write!(io::stdout(), "{report}")?)
     }

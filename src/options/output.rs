@@ -1,14 +1,13 @@
 //! What becomes of a run's results.
 
 use std::{
-    fs::File,
-    io::{self, BufWriter, Write},
+    fs::{File, OpenOptions},
+    io::{self, Write},
     path::PathBuf,
 };
 
 use clap::Args;
-use mtj_model::scenario::Scenario;
-use mtj_plant::{plant::Outcome, report::Report, trace};
+use mtj_plant::{report::Report, trace::TraceWriter};
 
 use crate::failure::Failure;
 
@@ -24,10 +23,12 @@ pub struct OutputOptions {
 }
 
 impl OutputOptions {
-    /// Creates the trace's file, so that a path that cannot be written is known before the run.
-    pub fn create_trace(&self) -> Result<Option<File>, Failure> {
+    /// Opens the trace's file, so that a path that cannot be written is known before the run. What
+    /// the file has stays until the run begins.
+    pub fn open_trace(&self) -> Result<Option<File>, Failure> {
         let Some(path) = &self.trace else { return Ok(None) };
-        File::create(path).map(Some).map_err(|error| {
+        let opened = OpenOptions::new().write(true).create(true).truncate(false).open(path);
+        opened.map(Some).map_err(|error| {
             Failure::bad_input(format!(
                 "--trace {}: {error}; choose a file that can be written",
                 path.display()
@@ -35,24 +36,25 @@ impl OutputOptions {
         })
     }
 
-    /// Writes the trace, and the measures to standard output.
-    pub fn finish(
-        &self,
-        scenario: &Scenario,
-        outcome: &Outcome,
-        trace: Option<File>,
-    ) -> Result<(), Failure> {
-        self.print(&outcome.report)?;
-        let (Some(file), Some(path)) = (trace, &self.trace) else { return Ok(()) };
-        let mut out = BufWriter::new(file);
-        trace::write_csv(&mut out, scenario, &outcome.trace).and_then(|()| out.flush()).map_err(
-            |error| {
-                Failure::other(format!(
-                    "--trace {}: {error}; the run's measures are complete",
+    /// Writes the measures to standard output, and what is left of the trace to its file. No stream
+    /// to it may be left.
+    pub fn finish(&self, report: &Report, trace: Option<TraceWriter>) -> Result<(), Failure> {
+        self.print(report)?;
+        let (Some(writer), Some(path)) = (trace, &self.trace) else { return Ok(()) };
+        match writer.finish() {
+            Ok(0) => Ok(()),
+            Ok(dropped) => {
+                tracing::warn!(
+                    "--trace {}: {dropped} rows are missing: the disk did not keep up",
                     path.display()
-                ))
-            },
-        )
+                );
+                Ok(())
+            }
+            Err(error) => Err(Failure::other(format!(
+                "--trace {}: {error}; the run's measures are complete",
+                path.display()
+            ))),
+        }
     }
 
     /// Writes the measures to standard output.

@@ -1,7 +1,9 @@
 //! How the two ends of a loop that this program starts run in real time.
 
 use clap::Args;
+use mtj_model::scenario::Wait;
 use mtj_options::RealtimeOptions;
+use mtj_protocol::bus::BusError;
 
 /// How the two ends of a loop run in real time
 #[derive(Args, Clone, Debug, Default)]
@@ -18,6 +20,20 @@ pub struct LoopRealtime {
 }
 
 impl LoopRealtime {
+    /// Refuses two ends that spin on one processor: neither would let the other run.
+    pub fn check(&self, wait: Wait) -> Result<(), BusError> {
+        match self.cpu {
+            Some((plant, controller)) if plant == controller && wait == Wait::Spin => {
+                let sentence = format!(
+                    "--cpu {plant},{controller}: with bus.wait = \"spin\" plant and controller need a \
+                     processor each; name two, or choose --wait hybrid"
+                );
+                Err(BusError::of(sentence, true))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// What is for the plant.
     pub fn plant(&self) -> RealtimeOptions {
         self.end(self.cpu.map(|(plant, _)| plant))

@@ -27,6 +27,15 @@ impl ScenarioOptions {
         Scenario::load(&self.scenario, &overrides)
     }
 
+    /// Loads the scenario, and tells the user what to expect of it.
+    pub fn load_with_advice(&self) -> Result<Scenario, ScenarioError> {
+        let scenario = self.load()?;
+        for advice in scenario.advice() {
+            tracing::warn!("{}: {advice}", scenario.name);
+        }
+        Ok(scenario)
+    }
+
     /// The same options as arguments for another process.
     pub fn arguments(&self) -> Vec<String> {
         let mut arguments = vec!["--scenario".to_owned(), self.scenario.clone()];

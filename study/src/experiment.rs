@@ -21,12 +21,14 @@ use mtj_protocol::{
 /// local bus with a thread for the controller in real time.
 pub fn run(
     scenario: &Scenario,
-    trace: bool,
+    watch: Watch,
     proceed: &(dyn Fn() -> bool + Sync),
 ) -> Result<Outcome, PlantError> {
     match scenario.timing.clock {
-        ClockKind::Lockstep => run_direct(scenario, trace, proceed),
-        ClockKind::Realtime => run_in_threads(scenario, trace, proceed),
+        ClockKind::Lockstep => {
+            run_watched(scenario, Controller::new(scenario), engine(scenario), watch, proceed)
+        }
+        ClockKind::Realtime => run_in_threads(scenario, watch, proceed),
     }
 }
 
@@ -46,20 +48,29 @@ pub fn run_direct(
 /// A link that cannot be emulated, or a law that cannot answer.
 pub fn run_with(
     scenario: &Scenario,
-    mut controller: Controller,
+    controller: Controller,
     engine: Box<dyn Engine>,
     trace: bool,
     proceed: &dyn Fn() -> bool,
 ) -> Result<Outcome, PlantError> {
+    run_watched(scenario, controller, engine, Watch { trace, ..Watch::default() }, proceed)
+}
+
+fn run_watched(
+    scenario: &Scenario,
+    mut controller: Controller,
+    engine: Box<dyn Engine>,
+    watch: Watch,
+    proceed: &dyn Fn() -> bool,
+) -> Result<Outcome, PlantError> {
     let mut exchange = Direct::new(0, |state: &_| controller.respond(state).copied());
-    let watch = Watch { trace, round_trips: false };
     plant::run_engine(scenario, 0, engine, &mut exchange, watch, proceed)
 }
 
 /// Runs a scenario over the local bus, with plant and controller in threads of their own.
-pub fn run_in_threads(
+fn run_in_threads(
     scenario: &Scenario,
-    trace: bool,
+    watch: Watch,
     proceed: &(dyn Fn() -> bool + Sync),
 ) -> Result<Outcome, PlantError> {
     let bus = LocalBus::default();
@@ -70,7 +81,8 @@ pub fn run_in_threads(
         let plant = scope.spawn(move || {
             let _done = done; // Dropped with the thread, whatever happens in it.
             let mut port = PlantPort::open(&plant_bus, scenario, run)?;
-            plant::run(scenario, run, &mut port, Watch { trace, round_trips: true }, proceed)
+            let watch = Watch { round_trips: true, ..watch };
+            plant::run(scenario, run, &mut port, watch, proceed)
         });
         let running = || {
             proceed()

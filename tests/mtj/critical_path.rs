@@ -227,7 +227,7 @@ fn is_undisturbed(law: &[&str]) {
             let bus = join(Role::Plant);
             let mut port = PlantPort::open(&bus, &scenario, 1).unwrap();
             hand_over_system_calls();
-            let watch = Watch { trace: false, round_trips: true };
+            let watch = Watch { round_trips: true, ..Watch::default() };
             let outcome = plant::run(&scenario, 1, &mut port, watch, &|| true).unwrap();
             select(0);
             outcome.report

@@ -42,7 +42,7 @@ const ERROR: usize = 4;
 const ROUND_TRIP: usize = 6;
 const IN_CHARGE: usize = 8;
 const STANDBY: usize = 9;
-const ALARM: usize = 16;
+const ALARM: usize = 17;
 
 const PLANT: &str = "plant --json --scenario sampled/mtj --set duration=1h";
 

@@ -288,10 +288,10 @@ fn a_report_has_exactly_the_documented_keys() {
         assert_eq!(
             keys(&report),
             "bus clock commands deadline_misses diverged duration_s energy_j law longest_gap_us \
-             peak_error_m peak_torque_nm residence_us rms_error_m round_trip_us samples scenario \
-             takeovers timeouts torque_step_rms_nm"
+             longest_stall_us peak_error_m peak_torque_nm residence_us rms_error_m round_trip_us \
+             samples scenario stalls takeovers timeouts torque_step_rms_nm"
         );
-        assert_eq!(keys(&report["commands"]), "applied late lost rejected sent");
+        assert_eq!(keys(&report["commands"]), "applied late lost rejected sent too_old");
         assert_eq!(report["peak_torque_nm"].as_array().unwrap().len(), 2);
         assert!(report["deadline_misses"].is_null(), "no deadlines in virtual time");
         for times in ["round_trip_us", "residence_us"] {

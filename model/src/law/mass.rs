@@ -82,8 +82,7 @@ impl Mass<f64, MAX_AXES> {
 }
 
 impl<T: Scalar, const M: usize> Mass<T, M> {
-    /// M̄ a, N, for an acceleration a, m/s², and the condition number of the matrix inverted for
-    /// it.
+    /// M̄ a, N, for an acceleration a, m/s², and how strongly the inverse is damped that it needs.
     #[inline(always)]
     pub fn times<A: Kinematics<T, N, M>, const N: usize>(
         &self,
@@ -95,11 +94,8 @@ impl<T: Scalar, const M: usize> Mass<T, M> {
             Self::Constant(mass) => (mass.times(acceleration), T::zero()),
             Self::TaskInertia => {
                 let mobility = arm::mobility(&now.arm.inertia(now.at), &now.jacobian());
-                let inertia = matrix::positive_definite_inverse(&mobility);
-                // About the square of J's. Its root would hide a singular J: rounding alone keeps
-                // it below 1e9.
-                let condition = matrix::size(&mobility) * matrix::size(&inertia);
-                (matrix::times(&inertia, acceleration), condition)
+                let (inertia, damping) = matrix::damped_positive_definite_inverse(&mobility);
+                (matrix::times(&inertia, acceleration), damping)
             }
         }
     }

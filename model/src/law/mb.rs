@@ -4,7 +4,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::{
     Command, Declaration, Equation, Signals, Situation, Unsuited,
-    describe::{Description, Parameter},
+    describe::{Description, Parameter, Per, Signal},
     mass,
     tj::{FORCE, KD, KP},
 };
@@ -44,6 +44,16 @@ pub(super) const KD_OF_ACCELERATION: Parameter = Parameter {
     ..KD
 };
 
+/// How strongly the inverse of the Jacobian is damped, near a singular posture.
+const DAMPING: Signal = Signal {
+    key: "damping",
+    symbol: "λ²",
+    title: "Damping of J⁻¹ near a singular posture",
+    unit: "",
+    per: Per::Arm,
+    range: Some([0.0, 1.0]),
+};
+
 impl Declaration for ModelBased<f64, MAX_AXES> {
     const DESCRIPTION: Description = Description {
         name: "mb",
@@ -52,7 +62,7 @@ impl Declaration for ModelBased<f64, MAX_AXES> {
         parameters: &[KP_OF_ACCELERATION, KD_OF_ACCELERATION, mass::SCALE],
         echo: FORCE,
         has_memory: false,
-        signals: &[],
+        signals: &[DAMPING],
     };
 
     fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
@@ -88,15 +98,20 @@ impl<T: Scalar, const M: usize> Equation<T, M> for ModelBased<T, M> {
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
         now: &Situation<'_, T, A, N, M>,
-        _: &mut Signals<T>,
+        signals: &mut Signals<T>,
     ) -> Command<T, N> {
-        let (dynamics, condition) = task_dynamics(now);
+        let (dynamics, damping) = task_dynamics(now);
+        signals[0] = damping;
         let force = self.task_force(now.error, &now.desired.acceleration, &dynamics);
-        Command { condition, ..Command::of_task_force(&now.jacobian(), &force) }
+        Command { damping, ..Command::of_task_force(&now.jacobian(), &force) }
+    }
+
+    fn balances_gravity(&self) -> bool {
+        true
     }
 }
 
-/// Ĥ and Ĉ of the model, and |J| |J⁻¹|; infinite where J has no inverse, as for every arm whose
+/// Ĥ and Ĉ of the model, and how strongly J⁻¹ is damped for them. Means nothing for an arm whose
 /// Jacobian is not square.
 #[inline(always)]
 fn task_dynamics<T: Scalar, A: Kinematics<T, N, M>, const N: usize, const M: usize>(
@@ -115,8 +130,7 @@ fn task_dynamics<T: Scalar, A: Kinematics<T, N, M>, const N: usize, const M: usi
             }
         }
     }
-    let inverse = matrix::inverse(&jacobian);
-    let condition = matrix::size(&jacobian) * matrix::size(&inverse);
+    let (inverse, damping) = matrix::damped_inverse(&jacobian);
     let rate_velocity = now.arm.jacobian_rate_velocity(now.at);
-    (TaskDynamics::new(&inertia, &velocity_terms, &inverse, &rate_velocity), condition)
+    (TaskDynamics::new(&inertia, &velocity_terms, &inverse, &rate_velocity), damping)
 }

@@ -126,9 +126,9 @@ pub struct Command<T, const N: usize> {
     pub torque: SVector<T, N>,
     /// Numbers that the plant holds with the torque and returns.
     pub echo: Echo<T>,
-    /// |A| |A⁻¹| of the matrix A that the law inverts, J or J H⁻¹ Jᵀ; zero if it inverts none. Where A
-    /// is singular, the command means nothing.
-    pub condition: T,
+    /// How strongly the inverse of the matrix that the law inverts, J or J H⁻¹ Jᵀ, is damped: 0 where
+    /// it is not, to 1 where the matrix is singular.
+    pub damping: T,
 }
 
 impl<T: Scalar, const N: usize> Command<T, N> {
@@ -141,7 +141,7 @@ impl<T: Scalar, const N: usize> Command<T, N> {
         Self {
             torque: matrix::transpose_times(jacobian, force),
             echo: padded(force.as_slice()),
-            condition: T::zero(),
+            damping: T::zero(),
         }
     }
 }
@@ -163,6 +163,11 @@ pub trait Equation<T: Scalar, const M: usize>: Copy {
         now: &Situation<'_, T, A, N, M>,
         signals: &mut Signals<T>,
     ) -> Command<T, N>;
+
+    /// Whether the law's torques balance gravity by themselves.
+    fn balances_gravity(&self) -> bool {
+        false
+    }
 
     /// How the law regulates its memory, if it does.
     fn factor(&self) -> Option<&factor::Factor<T, M>> {
@@ -245,6 +250,12 @@ macro_rules! register {
             ) -> Command<T, N> {
                 match self {
                     $(Self::$variant(law) => law.command(now, signals),)*
+                }
+            }
+
+            fn balances_gravity(&self) -> bool {
+                match self {
+                    $(Self::$variant(law) => law.balances_gravity(),)*
                 }
             }
 

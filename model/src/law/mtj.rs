@@ -114,9 +114,9 @@ impl<T: Scalar, const M: usize> Equation<T, M> for ModifiedTransposeJacobian<T, 
                 .task_force(now.error, memory.as_ref(), None)
                 .command(&now.jacobian(), signals);
         };
-        let (term, condition) = mass.times(&(now.desired.acceleration - now.acceleration), now);
+        let (term, damping) = mass.times(&(now.desired.acceleration - now.acceleration), now);
         let answer = self.task_force(now.error, memory.as_ref(), Some(&term));
-        Command { condition, ..answer.command(&now.jacobian(), signals) }
+        Command { damping, ..answer.command(&now.jacobian(), signals) }
     }
 
     fn factor(&self) -> Option<&Factor<T, M>> {

@@ -90,10 +90,10 @@ impl<T: Scalar, const M: usize> Equation<T, M> for TimeDelay<T, M> {
         let wanted = now.desired.acceleration - now.acceleration
             + self.kd.times(&now.error.velocity)
             + self.kp.times(&now.error.position);
-        let (force, condition) = self.mass.times(&wanted, now);
+        let (force, damping) = self.mass.times(&wanted, now);
         let memory = now.memory.map(recalled);
         let answer = self.factor.add_memory(force, now.error, memory.as_ref());
-        Command { condition, ..answer.command(&now.jacobian(), signals) }
+        Command { damping, ..answer.command(&now.jacobian(), signals) }
     }
 
     fn factor(&self) -> Option<&Factor<T, M>> {

@@ -85,9 +85,15 @@ impl Section<'_> {
 
     /// One of `values`, which are in the order of the key's words.
     pub(crate) fn word<T: Copy>(&self, key: &Parameter, values: &[T]) -> Read<T> {
+        let found = self.optional_word(key, values)?;
+        found.ok_or_else(|| self.refuse(key.name(), key.expected(1)))
+    }
+
+    /// The same, if the key is there or has a default.
+    pub(crate) fn optional_word<T: Copy>(&self, key: &Parameter, values: &[T]) -> Read<Option<T>> {
         let words = if let Form::Choice(words) = key.form { words } else { &[] };
         debug_assert_eq!(words.len(), values.len(), "{}", key.key);
-        self.get(key, 1, |value| {
+        self.find(key, 1, |value| {
             let word = value.as_str()?;
             let place = words.iter().position(|known| *known == word)?;
             values.get(place).copied()

@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use super::{error::ScenarioError, section::Section};
+use super::{ArmSettings, error::ScenarioError, section::Section};
 use crate::{
     MAX_AXES,
     law::{
-        Law,
+        Equation, Law,
         describe::{Default, Form, Parameter},
         mass,
     },
@@ -22,9 +22,30 @@ pub struct LawSettings {
     pub memory: MemorySettings,
     /// How far ahead the law aims; `None` for the instant of the sample.
     pub prediction: Option<Horizon>,
+    /// Whether gravity is balanced by the controller's model.
+    pub gravity: Gravity,
     /// The factor on the masses and inertias of the controller's model.
     pub mass_scale: f64,
 }
+
+/// What balances gravity, for laws that do not do that themselves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Gravity {
+    /// Nothing.
+    None,
+    /// The joint torques g(q) of the controller's model, added to the law's and outside its echo.
+    Model,
+}
+
+/// law.gravity.
+pub(super) const GRAVITY: Parameter = Parameter::new(
+    "law.gravity",
+    Form::Choice(&["none", "model"]),
+    "",
+    Default::Value("\"none\""),
+    "What balances gravity: nothing, or g(q) of the controller's model, outside the echo; mb has it \
+     always.",
+);
 
 /// The previous-step memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,6 +123,7 @@ impl LawSettings {
             law: Law::read(&law, task.axes.len())?,
             memory: MemorySettings::read(law.section_or_empty("memory")?, sample_period)?,
             prediction: Horizon::read(law.section_or_empty("prediction")?)?,
+            gravity: law.word(&GRAVITY, &[Gravity::None, Gravity::Model])?,
             mass_scale: {
                 let model = law.section_or_empty("model")?;
                 let scale = model.number(&mass::SCALE)?;
@@ -111,6 +133,12 @@ impl LawSettings {
         };
         law.finish()?;
         Ok(settings)
+    }
+
+    /// Whether the controller adds the torque that balances gravity to the law's.
+    pub fn balances_gravity(&self, arm: &ArmSettings) -> bool {
+        let has_gravity = arm.gravity.iter().any(|part| *part != 0.0);
+        self.gravity == Gravity::Model && has_gravity && !self.law.balances_gravity()
     }
 
     /// Whether the law has a memory.

@@ -92,7 +92,7 @@ pub(super) const BURST_KEYS: &[&Parameter] = &[&ENTER, &LEAVE, &GOOD, &BAD];
 
 /// The format of a replay's file, for the reference of keys.
 pub const REPLAY_FORMAT: &str = "\
-A replay reads a CSV file, without quotes:
+A replay reads a CSV file, as a spreadsheet writes it (quotes and a byte-order mark may be there):
 
 ```csv
 hop,latency_ms
@@ -200,6 +200,17 @@ impl Links {
 }
 
 impl LinkSettings {
+    /// The shortest time for which a message travels, apart from one in a million and from what a
+    /// replay adds.
+    pub fn shortest(&self) -> Duration {
+        let below = match &self.jitter {
+            Jitter::None | Jitter::Replay { .. } => Duration::ZERO,
+            Jitter::Uniform { spread } => *spread,
+            Jitter::Normal { deviation } | Jitter::Gamma { deviation } => 5 * *deviation,
+        };
+        self.latency.saturating_sub(below)
+    }
+
     fn read(section: Section<'_>) -> Result<Self, ScenarioError> {
         let latency = section.duration(&LATENCY)?;
         let jitter = match section.optional_section("jitter")? {

@@ -19,6 +19,7 @@ mod safety;
 pub mod section;
 mod timing;
 mod trajectory;
+mod whole;
 
 use std::{sync::Arc, time::Duration};
 
@@ -29,12 +30,13 @@ pub use builtin::{BUILT_IN, built_in};
 pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, DEFAULT_SPIN, Wait, is_name};
 pub use error::ScenarioError;
 pub use key::{Default as KeyDefault, Parameter};
-pub use law::{Horizon, LawSettings, MEMORY, MemoryPolicy, MemorySettings, PREDICTION};
+pub use law::{Gravity, Horizon, LawSettings, MEMORY, MemoryPolicy, MemorySettings, PREDICTION};
 pub use link::{Dropout, Jitter, LinkSettings, Links, REPLAY_FORMAT};
 pub use reference::{KeyTable, reference, reference_page};
-pub use safety::{OnTimeout, Safety};
+pub use safety::{JointLimits, OnTimeout, Safety};
 pub use section::{Origin, Section};
 pub use timing::{ClockKind, Timing};
+pub use whole::{Advice, too_old};
 
 use key::{Default, Form, Range, literal};
 
@@ -188,6 +190,9 @@ impl Scenario {
         if let Err(unsuited) = law.law.check(&arm, task) {
             return Err(root.section("law")?.refuse(unsuited.key(), unsuited));
         }
+        let link = Links::read(root.section_or_empty("link")?)?;
+        let safety =
+            Safety::read(root.section_or_empty("safety")?, arm.links.len(), &timing, &link)?;
         let scenario = Self {
             name: name.to_owned(),
             duration,
@@ -196,13 +201,14 @@ impl Scenario {
             trajectory: Trajectory::read(root.section("trajectory")?)?,
             law,
             timing,
-            link: Links::read(root.section_or_empty("link")?)?,
+            link,
             noise: read_noise(root.section_or_empty("sensor")?)?,
             bus: BusSettings::read(root.section_or_empty("bus")?)?,
-            safety: Safety::read(root.section_or_empty("safety")?, arm.links.len())?,
+            safety,
             arm,
             text,
         };
+        scenario.check(&root)?;
         root.finish()?;
         Ok(scenario)
     }

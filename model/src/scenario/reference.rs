@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::{
     DURATION, NOISE, SEED, TASK, arm, bus,
     key::{Default, Parameter},
-    law::{MEMORY, PREDICTION},
+    law::{GRAVITY, MEMORY, PREDICTION},
     link, safety, timing, trajectory,
 };
 use crate::law::{self, LAWS};
@@ -30,6 +30,7 @@ pub fn reference() -> Vec<KeyTable> {
     };
     let mut common = vec![&law::KIND];
     common.extend(MEMORY.iter().chain(PREDICTION));
+    common.push(&GRAVITY);
     let mut tables = vec![
         table("the run", "Keys outside of all tables.", &[&DURATION, &SEED]),
         table("task", "What of the tip is controlled.", &[&TASK]),

@@ -5,15 +5,11 @@ use std::time::{Duration, Instant};
 use mtj_protocol::{
     bus::Shared,
     port::{Message, MonitorPort},
-    sample::{PresenceSample, text_of},
+    sample::{Phase, PresenceSample, text_of},
 };
 
 use super::table::SessionRow;
-use crate::{
-    error::MonitorError,
-    lines::SecondSummary,
-    overview::{Overview, Phase},
-};
+use crate::{error::MonitorError, lines::SecondSummary, overview::Overview};
 
 /// Listens to one session and summarizes it.
 pub(super) struct SessionMonitor<B> {
@@ -102,6 +98,7 @@ impl<B: Shared> SessionMonitor<B> {
             standby: overview.standing_by(),
             counts: [
                 status.lost,
+                status.too_old,
                 status.late,
                 status.rejected,
                 status.timeouts,

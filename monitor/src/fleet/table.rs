@@ -31,7 +31,8 @@ pub(super) struct SessionRow {
 }
 
 /// What is counted since the run began: by the plant, and by this monitor.
-const COUNTS: [&str; 6] = ["lost", "late", "rejected", "timeouts", "takeovers", "missed here"];
+const COUNTS: [&str; 7] =
+    ["lost", "too old", "late", "rejected", "timeouts", "takeovers", "missed here"];
 
 /// The columns of text, which are aligned to the left; numbers are aligned to the right.
 const TEXTS: [&str; 5] = ["session", "phase", "law", "leader", "alarm"];

@@ -13,7 +13,7 @@ use mtj_model::{
 };
 use mtj_protocol::{
     port::Offered,
-    sample::{ChangeSample, text_of},
+    sample::{ChangeSample, Phase, text_of},
 };
 use serde::{
     Serialize, Serializer,
@@ -27,7 +27,7 @@ use super::{
     series::SeriesIndex,
     store::{Store, Update},
 };
-use crate::overview::{Alarm, Overview, Phase, RoleStatus};
+use crate::overview::{Alarm, Overview, RoleStatus};
 
 /// A role without a message for this long is silent, whatever the phase.
 const SILENT: Duration = Duration::from_millis(2500);
@@ -276,9 +276,11 @@ pub(super) fn now(store: &Store, dashboards: usize, with_histogram: bool) -> Str
             "sent": status.sent,
             "applied": status.applied,
             "lost": status.lost,
+            "too_old": status.too_old,
             "late": status.late,
             "rejected": status.rejected,
             "misses": status.deadline_misses,
+            "stalls": status.stalls,
             "timeouts": status.timeouts,
             "takeovers": status.takeovers,
             "missed_here": overview.missed,
@@ -306,6 +308,10 @@ fn code(alarm: Alarm) -> &'static str {
         Alarm::PlantSilent(_) => "plant_silent",
         Alarm::NoController => "no_controller",
         Alarm::ControllerSilent(_) => "controller_silent",
+        Alarm::TwoPlants(..) => "two_plants",
+        Alarm::Diverged(_) => "diverged",
+        Alarm::Stopped => "stopped",
+        Alarm::SafeState { .. } => "safe_state",
     }
 }
 

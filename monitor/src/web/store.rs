@@ -8,14 +8,14 @@ use std::{collections::VecDeque, sync::Arc};
 
 use mtj_protocol::{
     port::{Message, Offered},
-    sample::ChangeSample,
+    sample::{ChangeSample, Phase},
 };
 
 use super::{
     history::{Bin, History, WIDTH_NS, merge},
     series::{SeriesIndex, SeriesReader},
 };
-use crate::overview::{Overview, Phase, run_and_time};
+use crate::overview::{Overview, run_and_time};
 
 /// How many bins after a state its bin counts as complete: torque and error of that instant follow.
 const COMPLETION: u64 = 5;

@@ -47,6 +47,10 @@ impl Clock for Lockstep {
         }
     }
 
+    fn stands_still(&self) -> bool {
+        true
+    }
+
     fn stand_still(
         &mut self,
         peer: &mut Peer<'_>,

@@ -21,6 +21,16 @@ pub(crate) enum Heard {
     Stop,
 }
 
+/// The times for which the plant did not run, because it was stopped or its machine was: the run's
+/// time stood still meanwhile.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Stalls {
+    /// How many there were.
+    pub(crate) count: u64,
+    /// The longest, ns.
+    pub(crate) longest_ns: u64,
+}
+
 /// A clock. Times are ns since the run began.
 pub(crate) trait Clock {
     /// A clock of a run that has not begun.
@@ -50,6 +60,9 @@ pub(crate) trait Clock {
         time_ns: u64,
         patience: Duration,
     ) -> Result<Heard, BusError>;
+    /// Whether the run's time stands still while the plant waits for something, however long that
+    /// takes.
+    fn stands_still(&self) -> bool;
     /// The run goes on after it stood still for so long.
     fn resume(&mut self, _stood_still: Duration) {}
     /// A sample is about to be taken that was due at `time_ns`.
@@ -62,6 +75,10 @@ pub(crate) trait Clock {
     /// cannot be.
     fn deadline_misses(&self) -> Option<u64> {
         None
+    }
+    /// The times for which the plant did not run.
+    fn stalls(&self) -> Stalls {
+        Stalls::default()
     }
     /// The longest time without a fresh command, ns; `None` where it says nothing.
     fn longest_gap_ns(&self) -> Option<u64> {

@@ -5,9 +5,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-use mtj_protocol::{bus::BusError, port::Answer, sample::StateSample};
+use mtj_protocol::{bus::BusError, port::Answer, sample::StateSample, stall};
 
-use super::{Clock, Heard};
+use super::{Clock, Heard, Stalls};
 use crate::{peer::Peer, sequencer::Sequencer};
 
 /// How often to look whether to go on.
@@ -18,6 +18,9 @@ const OUTSTANDING: usize = 4096;
 /// Wall time: the run's time is mapped to absolute instants, so that no error adds up over a run.
 pub(crate) struct Realtime {
     origin: Instant,
+    /// When this process certainly ran.
+    seen: Instant,
+    stalls: Stalls,
     /// Handed over and not answered yet: sequence number, and when it was sent by the peer's clock.
     unanswered: VecDeque<(u64, u64)>,
     deadline_misses: u64,
@@ -30,10 +33,34 @@ impl Realtime {
         self.origin.elapsed().as_nanos() as u64
     }
 
+    /// Notes that it is `now` though at `expected` this process should have run: time that it did
+    /// not have is no time of the run, and commands from before it do not act.
+    fn notice(
+        &mut self,
+        now: Instant,
+        expected: Instant,
+        peer: &mut Peer<'_>,
+        sequencer: &mut Sequencer,
+    ) {
+        self.seen = now;
+        // A sample that is a little late is taken late.
+        let ignored = 2 * Duration::from_nanos(sequencer.period_ns());
+        let Some(stall) = stall::stall(expected, now).filter(|stall| *stall > ignored) else {
+            return;
+        };
+        self.origin += stall;
+        self.stalls.count += 1;
+        self.stalls.longest_ns = self.stalls.longest_ns.max(stall.as_nanos() as u64);
+        peer.forget_round_trips();
+        sequencer.forget_commands();
+        stall::tell("the plant", stall, "the run stood still meanwhile");
+    }
+
     /// Counts the torque that was received last, and the states before the one that it answers.
     fn count_answer(&mut self, peer: &mut Peer<'_>, sequencer: &mut Sequencer) {
-        peer.note_round_trip();
-        sequencer.note_round_trip(peer.round_trip_ns());
+        if let Some(round_trip_ns) = peer.note_round_trip() {
+            sequencer.note_round_trip(round_trip_ns);
+        }
         let answered = peer.torque().header.sequence;
         while let Some((sequence, _)) = self.unanswered.front().copied()
             && sequence <= answered
@@ -49,6 +76,8 @@ impl Clock for Realtime {
         wake_punctually();
         Self {
             origin: Instant::now(),
+            seen: Instant::now(),
+            stalls: Stalls::default(),
             unanswered: VecDeque::with_capacity(OUTSTANDING + 1),
             deadline_misses: 0,
             applied_ns: 0,
@@ -58,6 +87,7 @@ impl Clock for Realtime {
 
     fn start(&mut self) {
         self.origin = Instant::now();
+        self.seen = self.origin;
     }
 
     /// Listens for torques.
@@ -67,17 +97,21 @@ impl Clock for Realtime {
         sequencer: &mut Sequencer,
         time_ns: u64,
     ) -> Result<Heard, BusError> {
-        let until = self.origin + Duration::from_nanos(time_ns);
         loop {
-            let patience = until.min(Instant::now() + PATIENCE);
-            if peer.exchange().receive(patience)? == Some(Answer::Torque) {
+            let now = Instant::now();
+            self.notice(now, self.seen, peer, sequencer);
+            let patience = (self.origin + Duration::from_nanos(time_ns)).min(now + PATIENCE);
+            let received = peer.exchange().receive(patience)?;
+            let now = Instant::now();
+            self.notice(now, patience, peer, sequencer);
+            if received == Some(Answer::Torque) {
                 self.count_answer(peer, sequencer);
-                return Ok(Heard::Torque(self.now_ns()));
+                return Ok(Heard::Torque((now - self.origin).as_nanos() as u64));
             }
             if !peer.may_proceed() {
                 return Ok(Heard::Stop);
             }
-            if Instant::now() >= until {
+            if now >= self.origin + Duration::from_nanos(time_ns) {
                 return Ok(Heard::Nothing);
             }
         }
@@ -100,6 +134,10 @@ impl Clock for Realtime {
         Ok(Heard::Nothing)
     }
 
+    fn stands_still(&self) -> bool {
+        false
+    }
+
     fn stand_still(
         &mut self,
         peer: &mut Peer<'_>,
@@ -117,6 +155,7 @@ impl Clock for Realtime {
 
     fn resume(&mut self, stood_still: Duration) {
         self.origin += stood_still;
+        self.seen = Instant::now();
     }
 
     fn sample(&mut self, time_ns: u64, period_ns: u64) {
@@ -138,6 +177,10 @@ impl Clock for Realtime {
 
     fn deadline_misses(&self) -> Option<u64> {
         Some(self.deadline_misses)
+    }
+
+    fn stalls(&self) -> Stalls {
+        self.stalls
     }
 
     fn longest_gap_ns(&self) -> Option<u64> {

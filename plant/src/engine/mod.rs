@@ -58,7 +58,7 @@
 //!     torque.torque[0] = 3.0;
 //!     Ok::<_, std::convert::Infallible>(torque)
 //! });
-//! let watch = Watch { trace: true, round_trips: false };
+//! let watch = Watch { trace: true, ..Watch::default() };
 //! let outcome = plant::run_engine(&scenario, 1, flywheels, &mut exchange, watch, &|| true)?;
 //!
 //! for row in &outcome.trace {

@@ -44,6 +44,7 @@ pub(super) struct Domain {
     pub(super) root: PathBuf,
     /// What the names of our segments and files begin with.
     pub(super) prefix: String,
+    user: u32,
     lock: DomainLock,
 }
 
@@ -132,7 +133,19 @@ impl Domain {
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
         config.global.service.cleanup_dead_nodes_on_open = false;
-        Ok(Arc::new(Self { config: Box::new(config), root, prefix, lock }))
+        Ok(Arc::new(Self { config: Box::new(config), root, prefix, user, lock }))
+    }
+
+    /// Creates the domain's directory again, if it is gone.
+    pub(super) fn claim(&self) -> Result<(), SharedMemoryError> {
+        claim(&self.root, self.user)
+    }
+
+    /// The other users with sessions on this machine, by their numbers.
+    pub(super) fn other_users(&self) -> Vec<u32> {
+        let user = |name: &str| name.strip_prefix("mtj_")?.parse().ok();
+        let users = entries(Path::new(SEGMENTS)).filter_map(|(name, _)| user(&name));
+        users.filter(|user| *user != self.user).collect()
     }
 
     /// A directory for files that iceoryx2 does not manage.

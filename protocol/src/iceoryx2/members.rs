@@ -7,9 +7,15 @@ use std::{
     any::Any,
     collections::BTreeSet,
     fs::{self, File, OpenOptions, TryLockError},
-    io::ErrorKind,
+    io::{self, ErrorKind},
     os::unix::fs::OpenOptionsExt,
-    path::PathBuf,
+    path::{Path, PathBuf},
+    sync::{
+        Arc, Mutex, PoisonError,
+        mpsc::{self, RecvTimeoutError, Sender},
+    },
+    thread::{self, JoinHandle},
+    time::Duration,
 };
 
 use super::{domain::Domain, error::SharedMemoryError};
@@ -18,8 +24,15 @@ use crate::{
     member::Member,
 };
 
+/// How often to look whether the file of a member is still there.
+const LOOK: Duration = Duration::from_millis(250);
+
+/// The directory of the files.
+const MEMBERS: &str = "members";
+
 /// The files of members, of one session or of all.
 pub(super) struct Members {
+    domain: Arc<Domain>,
     directory: PathBuf,
     /// What the names of their files begin with.
     prefix: String,
@@ -27,14 +40,18 @@ pub(super) struct Members {
 
 impl Members {
     /// The members of one session.
-    pub(super) fn of(domain: &Domain, session: &str) -> Result<Self, SharedMemoryError> {
-        let directory = domain.directory("members")?;
-        Ok(Self { directory, prefix: format!("{session}.") })
+    pub(super) fn of(domain: &Arc<Domain>, session: &str) -> Result<Self, SharedMemoryError> {
+        Self::with_prefix(domain, format!("{session}."))
     }
 
     /// The members of every session.
-    pub(super) fn of_all(domain: &Domain) -> Result<Self, SharedMemoryError> {
-        Ok(Self { directory: domain.directory("members")?, prefix: String::new() })
+    pub(super) fn of_all(domain: &Arc<Domain>) -> Result<Self, SharedMemoryError> {
+        Self::with_prefix(domain, String::new())
+    }
+
+    fn with_prefix(domain: &Arc<Domain>, prefix: String) -> Result<Self, SharedMemoryError> {
+        let directory = domain.directory(MEMBERS)?;
+        Ok(Self { domain: Arc::clone(domain), directory, prefix })
     }
 
     /// What follows the prefix in the file names of living members.
@@ -62,12 +79,16 @@ impl Members {
     pub(super) fn announce(&self, member: &Member) -> Result<Box<dyn Any>, SharedMemoryError> {
         let io = SharedMemoryError::io(&self.directory);
         let path = self.path(member);
-        let file =
-            OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&path);
-        let file = file.map_err(io)?;
-        file.lock().map_err(io)?;
-        Ok(Box::new(Announcement { path, _file: file }))
+        let file = locked_file(&path).map_err(io)?;
+        Ok(Box::new(Announcement::keep(path, file, Arc::clone(&self.domain))))
     }
+}
+
+/// Creates a file that is locked for as long as it is open.
+fn locked_file(path: &Path) -> io::Result<File> {
+    let file = OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(path)?;
+    file.lock()?;
+    Ok(file)
 }
 
 /// Whether the process that created a file lives: the kernel unlocks the file when the process
@@ -85,8 +106,9 @@ impl Attendance for Members {
     fn is_present(&mut self, member: &Member) -> Result<bool, BusError> {
         match File::open(self.path(member)) {
             Ok(file) => Ok(is_locked(&file)),
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
-            // If no descriptor is left to find out, the lease decides.
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(!self.directory.exists()),
+            // If that cannot be found out, because no descriptor is left or somebody removed the
+            // directory, the lease decides.
             Err(_) => Ok(true),
         }
     }
@@ -100,13 +122,59 @@ impl Sessions for Members {
     }
 }
 
+/// The file of a member.
+///
+/// A thread puts it back if somebody removes it, as a log-out does with all shared memory of a user:
+/// the roles go on with what they have mapped, and no second plant may come to their session.
 struct Announcement {
     path: PathBuf,
-    _file: File,
+    /// Locked.
+    _file: Arc<Mutex<File>>,
+    keeper: Option<(Sender<()>, JoinHandle<()>)>,
+}
+
+impl Announcement {
+    fn keep(path: PathBuf, file: File, domain: Arc<Domain>) -> Self {
+        let file = Arc::new(Mutex::new(file));
+        let (until_dropped, dropped) = mpsc::channel();
+        let (kept_path, kept_file) = (path.clone(), Arc::clone(&file));
+        let keep = move || {
+            let mut is_told = false;
+            while dropped.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
+                if !kept_path.exists() {
+                    put_back(&domain, &kept_path, &kept_file, &mut is_told);
+                }
+            }
+        };
+        let thread = thread::Builder::new().name("announcement".to_owned()).spawn(keep);
+        Self { path, _file: file, keeper: thread.ok().map(|thread| (until_dropped, thread)) }
+    }
+}
+
+/// Creates the file of a member once more; if that fails, the next look tries again.
+fn put_back(domain: &Domain, path: &Path, kept: &Mutex<File>, is_told: &mut bool) {
+    if !std::mem::replace(is_told, true) {
+        tracing::warn!(
+            "somebody removed {}, as a log-out does with a user's shared memory: the loop goes on, \
+             but nobody can join it any more; start the session anew when it suits you",
+            domain.root().display()
+        );
+    }
+    if domain.claim().is_err() || domain.directory(MEMBERS).is_err() {
+        return;
+    }
+    if let Ok(file) = locked_file(path) {
+        *kept.lock().unwrap_or_else(PoisonError::into_inner) = file;
+    }
 }
 
 impl Drop for Announcement {
     fn drop(&mut self) {
+        if let Some((until_dropped, thread)) = self.keeper.take() {
+            drop(until_dropped);
+            // It cannot panic, and ends at once.
+            let _ = thread.join();
+        }
         // An unlocked file counts for nothing, even if it cannot be removed.
         let _ = fs::remove_file(&self.path);
     }

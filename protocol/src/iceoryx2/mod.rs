@@ -271,6 +271,15 @@ impl Bus for Iceoryx2Bus {
     fn attendance(&self) -> Result<Box<dyn Attendance>, BusError> {
         Ok(Box::new(Members::of(&self.session.domain, &self.session.name)?))
     }
+
+    fn reason_for_silence(&self) -> Option<String> {
+        let users = self.session.domain.other_users();
+        let user = users.first()?;
+        Some(format!(
+            "sessions on shared memory are private to a user, and another user (uid {user}) has some \
+             on this machine: run as that user, or use --bus zenoh"
+        ))
+    }
 }
 
 impl Shared for Iceoryx2Bus {

@@ -10,6 +10,7 @@ use crate::{
     bus::{self, Bus, BusError, Depth, Reader, Writer},
     debug_by_name,
     member::Member,
+    realtime,
     sample::{ErrorSample, Header, StateSample, TorqueSample},
 };
 
@@ -62,6 +63,7 @@ impl ControllerPort {
         offered: &Offered,
         wait: Wait,
     ) -> Result<Self, BusError> {
+        let wait = realtime::affordable(wait);
         Ok(Self {
             states: bus.reader(Depth::Recent, wait)?,
             torques: bus.writer()?,

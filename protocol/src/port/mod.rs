@@ -5,9 +5,11 @@ mod controller;
 mod lease;
 mod monitor;
 mod offer;
+mod other_plants;
 mod plant;
 mod presence;
 mod request;
+mod sent;
 
 use std::{
     mem::{self, Discriminant},
@@ -68,6 +70,23 @@ pub enum Answer {
     Torque,
     /// A torque that must not act, because it is not finite.
     NotFinite,
+}
+
+/// What fails around a role that has joined: said once for each task, counted always. The role
+/// goes on.
+#[derive(Debug, Default)]
+pub struct Survivor(WarnOnce<&'static str>);
+
+impl Survivor {
+    /// The result of a task or, if it failed, the default.
+    pub fn survive<T: Default>(&mut self, task: &'static str, result: Result<T, BusError>) -> T {
+        result.unwrap_or_else(|error| {
+            if self.0.first(task) {
+                tracing::warn!("cannot {task} ({error}); the loop goes on (said once)");
+            }
+            T::default()
+        })
+    }
 }
 
 /// The warnings about rejected samples: one for each reason.

@@ -8,6 +8,7 @@ use crate::{
     admission::Rejection,
     bus::{Bus, BusError},
     codec::{self, Offer},
+    member::Role,
     sample::{Header, VERSION},
     warn_once::WarnOnce,
 };
@@ -107,13 +108,27 @@ pub fn fetch_scenario(
                 && told.count(&"unusable") == 0
                 && told.first("waiting") =>
             {
-                tracing::info!("there is no plant in this session yet; waiting for one");
+                tracing::info!("{}", why_waiting(bus)?);
             }
             _ => {}
         }
         std::thread::sleep(POLL);
     }
     Ok(None)
+}
+
+/// What to tell the user of a role that waits for a plant.
+fn why_waiting(bus: &impl Bus) -> Result<String, BusError> {
+    let present = bus.attendance()?.present()?;
+    if present.iter().any(|member| member.role == Role::Plant) {
+        return Ok(
+            "the plant of this session cannot be joined: its shared memory was removed, or it \
+                   offers no scenario; start it anew"
+                .to_owned(),
+        );
+    }
+    let reason = bus.reason_for_silence().map_or(String::new(), |reason| format!("; {reason}"));
+    Ok(format!("there is no plant in this session yet; waiting for one{reason}"))
 }
 
 /// Encodes an offer.

@@ -1,56 +1,78 @@
 //! The plant's end of the bus.
 
-use std::time::Instant;
+use std::{
+    thread,
+    time::{Duration, Instant},
+};
 
 use mtj_model::scenario::{Scenario, Wait};
 
-use super::{Answer, Exchange, Rejections, lease::Lease, offer::encode, presence::Presence};
+use super::{
+    Answer, Exchange, Rejections, Survivor, lease::Lease, offer::encode, other_plants::OtherPlants,
+    presence::Presence, sent::SentStates,
+};
 use crate::{
     admission::{self, Admission, AdmissionFilter, Rejection},
     bus::{self, Bus, BusError, Depth, Offering, Reader, Writer},
     debug_by_name,
     member::{Member, Role},
+    realtime,
     sample::{ChangeSample, RequestSample, StateSample, StatusSample, TorqueSample},
 };
 
+/// How long to wait before a reader that failed is asked again.
+const PAUSE: Duration = Duration::from_millis(1);
+
 /// The plant's end: writes states, status and changes, reads torques and requests, offers the
 /// scenario.
+///
+/// Once it has joined, nothing that fails around it ends the plant: the [`Exchange`] of a port
+/// returns no error.
 pub struct PlantPort {
     states: Box<dyn Writer<StateSample>>,
     statuses: Box<dyn Writer<StatusSample>>,
     changes: Box<dyn Writer<ChangeSample>>,
     torques: Box<dyn Reader<TorqueSample>>,
     requests: Box<dyn Reader<RequestSample>>,
+    other_plants: OtherPlants,
     presence: Presence,
     offering: Box<dyn Offering>,
     wait: Wait,
     run: u64,
     filter: AdmissionFilter,
     lease: Lease,
-    sent: Sent,
+    sent: SentStates,
     rejections: Rejections,
+    survivor: Survivor,
 }
 
 debug_by_name!(PlantPort);
 
 impl PlantPort {
     /// Joins a bus with a scenario, under a fresh run id.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::SecondPlant`] if the session has a plant, or what the transport says.
     pub fn open(bus: &impl Bus, scenario: &Scenario, run: u64) -> Result<Self, BusError> {
-        let wait = scenario.bus.wait;
+        let wait = realtime::affordable(scenario.bus.wait);
+        let member = Member::new(Role::Plant, 0);
         Ok(Self {
+            other_plants: OtherPlants::watch(bus, &scenario.bus.session, &member)?,
             states: bus.writer()?,
             statuses: bus.writer()?,
             changes: bus.writer()?,
             torques: bus.reader(Depth::Recent, wait)?,
             requests: bus.reader(Depth::Stream, Wait::Block)?,
-            presence: Presence::open(bus, &Member::new(Role::Plant, 0))?,
+            presence: Presence::open(bus, &member)?,
             offering: bus.offer(encode(scenario, run, 0))?,
             wait,
             run,
             filter: AdmissionFilter::new(run).for_scenario(scenario),
             lease: Lease::new(scenario.safety.lease, bus.attendance()?),
-            sent: Sent::default(),
+            sent: SentStates::new(),
             rejections: Rejections::default(),
+            survivor: Survivor::default(),
         })
     }
 
@@ -58,7 +80,7 @@ impl PlantPort {
     pub fn restart(&mut self, scenario: &Scenario, run: u64) -> Result<(), BusError> {
         self.run = run;
         self.filter = AdmissionFilter::new(run).for_scenario(scenario);
-        self.sent = Sent::default();
+        self.sent = SentStates::new();
         self.lease.restart();
         self.renew(scenario, 0)
     }
@@ -67,12 +89,12 @@ impl PlantPort {
     /// state.
     fn admit(&mut self) -> Admission {
         let torque = self.torques.sample();
-        let (asked, lease) = (self.sent.state.header.sequence, &self.lease);
-        let admission =
-            self.filter.admit_if(torque, |torque| match torque.header.sequence > asked {
-                true => Some(Rejection::Unasked),
-                false => (!lease.allows(torque.controller)).then_some(Rejection::NotLeader),
-            });
+        let (sent, lease) = (&self.sent, &self.lease);
+        let admission = self.filter.admit_if(torque, |torque| {
+            let is_leader = lease.allows(torque.controller);
+            let not_leader = (!is_leader).then_some(Rejection::NotLeader);
+            sent.objection(torque).or(not_leader)
+        });
         match admission {
             Admission::Fresh => {
                 self.lease.renew(torque.controller);
@@ -80,7 +102,7 @@ impl PlantPort {
             }
             Admission::Repeated => {
                 self.sent.answers += 1;
-                if torque.header.sequence < self.sent.state.header.sequence
+                if torque.header.sequence < self.sent.newest.header.sequence
                     || self.sent.answers > self.sent.times
                 {
                     return self.filter.reject(Rejection::Duplicate);
@@ -111,32 +133,25 @@ impl PlantPort {
         }
         Ok(None)
     }
-}
 
-/// The state that was sent last.
-#[derive(Default)]
-struct Sent {
-    state: StateSample,
-    /// How often it was sent: a state is repeated until a controller answers it.
-    times: u64,
-    answers: u64,
-}
-
-impl Exchange for PlantPort {
-    fn send(&mut self, state: &mut StateSample) -> Result<(), BusError> {
-        state.leader = self.lease.decide()?.unwrap_or(0);
-        self.states.expedite(state)?;
+    /// Sends a state.
+    fn send_state(&mut self, state: &mut StateSample) {
+        self.survivor.survive("elect a leader", self.lease.decide());
+        state.leader = self.lease.leader().unwrap_or(0);
+        self.survivor.survive("send states", self.states.expedite(state));
         // From here on the state is on its way, and its answer takes longer than this.
         self.lease.sent(Instant::now());
-        let is_again =
-            self.sent.times > 0 && self.sent.state.header.sequence == state.header.sequence;
-        let (times, answers) =
-            if is_again { (self.sent.times + 1, self.sent.answers) } else { (1, 0) };
-        self.sent = Sent { state: *state, times, answers };
-        Ok(())
+        self.sent.record(state);
     }
 
-    fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
+    /// Makes the state that was sent visible to all readers.
+    fn flush(&mut self) {
+        self.survivor.survive("send states", self.states.flush());
+        self.survivor.survive("follow the leader", self.torques.follow());
+    }
+
+    /// Waits for an answer until `until`.
+    fn receive_until(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
         // While the leader that answered before may still answer, only wait. A leader that does not
         // follow our states, such as a program that reads only the stream, needs the flush below
         // first.
@@ -148,8 +163,7 @@ impl Exchange for PlantPort {
             return Ok(Some(answer));
         }
         // Now the state goes to monitors, and to controllers that do not follow us yet.
-        self.states.flush()?;
-        self.torques.follow()?;
+        self.flush();
         loop {
             let lapse = self.lease.lapse().filter(|lapse| *lapse < until);
             if let Some(answer) = self.listen(lapse.unwrap_or(until))? {
@@ -160,11 +174,30 @@ impl Exchange for PlantPort {
             }
             // A new leader need not wait for the next sample.
             let before = self.lease.leader();
-            if lapse.is_some() && self.lease.decide()? != before {
-                let mut state = self.sent.state;
-                self.send(&mut state)?;
+            if lapse.is_some() {
+                self.survivor.survive("elect a leader", self.lease.decide());
+                if self.lease.leader() != before {
+                    let mut state = self.sent.newest;
+                    self.send_state(&mut state);
+                }
             }
         }
+    }
+}
+
+impl Exchange for PlantPort {
+    fn send(&mut self, state: &mut StateSample) -> Result<(), BusError> {
+        self.send_state(state);
+        Ok(())
+    }
+
+    fn receive(&mut self, until: Instant) -> Result<Option<Answer>, BusError> {
+        let received = self.receive_until(until);
+        if received.is_err() {
+            // A reader that fails at once would leave no processor to the rest.
+            thread::sleep(until.saturating_duration_since(Instant::now()).min(PAUSE));
+        }
+        Ok(self.survivor.survive("receive torques", received))
     }
 
     fn torque(&self) -> &TorqueSample {
@@ -172,14 +205,17 @@ impl Exchange for PlantPort {
     }
 
     fn report(&mut self, status: &StatusSample) -> Result<(), BusError> {
-        self.offering.serve()?;
-        self.presence.publish(&status.header)?;
-        self.statuses.write(status)
+        self.survivor.survive("offer the scenario", self.offering.serve());
+        self.survivor.survive("publish the presence", self.presence.publish(&status.header));
+        self.survivor.survive("publish the status", self.statuses.write(status));
+        self.survivor.survive("look for other plants", self.other_plants.look());
+        Ok(())
     }
 
     fn request(&mut self) -> Result<Option<RequestSample>, BusError> {
         for _ in 0..bus::STREAM_DEPTH {
-            let Some(request) = self.requests.take()? else { break };
+            let taken = self.requests.take();
+            let Some(request) = self.survivor.survive("read requests", taken) else { break };
             match admission::check(&request) {
                 Ok(()) if request.header.run == self.run => return Ok(Some(request)),
                 Ok(()) => self.rejections.warn::<RequestSample>(Rejection::Run),
@@ -190,12 +226,15 @@ impl Exchange for PlantPort {
     }
 
     fn announce(&mut self, change: &ChangeSample) -> Result<(), BusError> {
-        self.changes.write(change)
+        self.survivor.survive("answer requests", self.changes.write(change));
+        Ok(())
     }
 
     fn renew(&mut self, scenario: &Scenario, revision: u32) -> Result<(), BusError> {
         self.lease.reconfigure(scenario.safety.lease);
-        self.offering.renew(encode(scenario, self.run, revision))
+        let offer = encode(scenario, self.run, revision);
+        self.survivor.survive("offer the scenario", self.offering.renew(offer));
+        Ok(())
     }
 
     fn takeovers(&self) -> u64 {

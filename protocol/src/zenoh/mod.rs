@@ -13,11 +13,13 @@
 //! recovery     the return of a session after the network failed
 //! threads      the number of threads on which Zenoh reads and writes
 //! error        why Zenoh cannot be used
+//! diagnosis    why there is no connection yet
 //! ```
 
 mod access;
 mod config;
 mod credentials;
+mod diagnosis;
 mod error;
 mod exposure;
 mod recovery;
@@ -41,7 +43,7 @@ use zenoh::{
 };
 
 pub use self::error::ZenohError;
-use self::recovery::LingerGuard;
+use self::{diagnosis::Diagnosis, recovery::LingerGuard};
 use crate::{
     bus::{Attendance, Bus, BusError, Depth, Offering, Reader, Sessions, Shared, Writer},
     codec::{self, LARGEST_SAMPLE},
@@ -55,8 +57,6 @@ use crate::{
 const RETRY: Duration = Duration::from_millis(100);
 /// How long an answer to a query may take.
 const QUERY_TIMEOUT: Duration = Duration::from_secs(1);
-/// How long a role with certificates tries to connect before it warns that they may be to blame.
-const PATIENCE: Duration = Duration::from_secs(3);
 
 /// A session on Zenoh.
 pub struct ZenohBus {
@@ -102,7 +102,8 @@ impl ZenohBus {
         if config::has_tls(&config) {
             threads::use_one_thread();
         }
-        let mut warn_at = settings.certs.is_some().then(|| Instant::now() + PATIENCE);
+        let _diagnosis = (!config::listens(settings, role))
+            .then(|| Diagnosis::begin(settings.connect_endpoints(), settings.certs.is_some()));
         let session = loop {
             if !proceed() {
                 return Ok(None);
@@ -113,17 +114,7 @@ impl ZenohBus {
                     let endpoints = settings.listen_endpoints().join(", ");
                     return Err(ZenohError::Listen { endpoints, source }.into());
                 }
-                Err(_) => {
-                    if warn_at.take_if(|from| Instant::now() >= *from).is_some() {
-                        tracing::warn!(
-                            "no way to {} yet: nobody is there, its certificate is of another \
-                             authority or for another host name, or ours is not accepted; still \
-                             trying",
-                            settings.connect_endpoints().join(", ")
-                        );
-                    }
-                    thread::sleep(RETRY);
-                }
+                Err(_) => thread::sleep(RETRY),
             }
         };
         Ok(Some(Self {
@@ -240,6 +231,24 @@ impl Bus for ZenohBus {
             })
             .wait()
             .map_err(failure)?;
+        // What the subscriber hears of the past comes some time later; a caller wants it now.
+        let announced = self
+            .session
+            .liveliness()
+            .get(format!("{}**", self.key("member/")))
+            .timeout(QUERY_TIMEOUT)
+            .wait()
+            .map_err(failure)?;
+        let end = Instant::now() + QUERY_TIMEOUT;
+        while let Ok(Some(reply)) = announced.recv_deadline(end) {
+            let Ok(sample) = reply.result() else { continue };
+            let name = sample.key_expr().as_str().strip_prefix(&self.key("member/"));
+            let Some(Ok(member)) = name.map(str::parse::<Member>) else { continue };
+            let mut members = lock(&members);
+            if !members.contains(&member) {
+                members.push(member);
+            }
+        }
         Ok(Box::new(ZenohAttendance { members, _keep: subscriber }))
     }
 }

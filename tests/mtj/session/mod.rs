@@ -1,5 +1,6 @@
 //! Sessions of real processes: starts `mtj`, talks to it as a user does, and leaves nothing behind.
 
+pub mod cable;
 pub mod observer;
 
 use std::{
@@ -102,6 +103,12 @@ impl Session {
             .spawn()
             .unwrap();
         Running { child, out, err, arguments: arguments.join(" ") }
+    }
+
+    /// The port that its plant listens on; `None` on a bus without one.
+    pub fn port(&self) -> Option<u16> {
+        let place = self.bus.iter().position(|word| word == "--listen")?;
+        self.bus[place + 1].rsplit(':').next()?.parse().ok()
     }
 
     /// Joins the session's bus from within the test.

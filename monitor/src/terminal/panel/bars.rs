@@ -6,6 +6,7 @@ use mtj_model::{
     law::Description,
     scenario::{MEMORY, PREDICTION, Scenario},
 };
+use mtj_protocol::sample::Phase;
 use ratatui::{
     buffer::Buffer,
     layout::{Alignment, Rect},
@@ -15,10 +16,7 @@ use ratatui::{
 use tracing::Level;
 
 use super::{Picture, SMALLEST, render_lines, session, three_digits};
-use crate::{
-    overview::{Alarm, Phase},
-    terminal::palette::Tone,
-};
+use crate::{overview::Alarm, terminal::palette::Tone};
 
 /// The title: session and scenario, phase and time.
 pub(super) fn title(picture: &Picture, area: Rect, buf: &mut Buffer) {
@@ -36,6 +34,7 @@ pub(super) fn title(picture: &Picture, area: Rect, buf: &mut Buffer) {
     let tone = match phase {
         Some(Phase::Running) => Tone::Ok,
         Some(Phase::Waiting | Phase::Paused) => Tone::Desired,
+        Some(Phase::Diverged | Phase::Stopped) => Tone::Bad,
         Some(Phase::Finished) | None => Tone::Faint,
     };
     right.push(picture.styled(phase.map_or("no plant", Phase::name), tone));
@@ -103,8 +102,8 @@ fn memory_and_prediction(
 /// The banner of an alarm.
 pub(super) fn banner(picture: &Picture, alarm: Alarm, area: Rect, buf: &mut Buffer) {
     let tone = match alarm {
-        Alarm::PlantSilent(_) | Alarm::ControllerSilent(_) => Tone::Alarm,
         Alarm::NoPlant | Alarm::NoController => Tone::Waiting,
+        _ => Tone::Alarm,
     };
     buf.set_style(area, picture.palette.style(tone));
     Line::from(alarm.sentence()).centered().style(picture.palette.style(tone)).render(area, buf);

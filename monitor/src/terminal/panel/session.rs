@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use mtj_protocol::sample::text_of;
+use mtj_protocol::sample::{Phase, text_of};
 use ratatui::{
     buffer::Buffer,
     layout::{Constraint, Layout, Rect},
@@ -11,7 +11,7 @@ use ratatui::{
 
 use super::{Picture, render_lines, wrap};
 use crate::{
-    overview::{Alarm, Phase, RoleStatus},
+    overview::{Alarm, RoleStatus},
     terminal::palette::Tone,
 };
 
@@ -48,6 +48,8 @@ pub(super) fn counts<'a>(picture: &Picture, width: u16) -> Vec<Line<'a>> {
         ("late", status.late),
         ("rejected", status.rejected),
         ("misses", status.deadline_misses),
+        ("too old", status.too_old),
+        ("stalls", status.stalls),
         ("timeouts", status.timeouts),
         ("takeovers", status.takeovers),
     ];
@@ -58,9 +60,9 @@ pub(super) fn counts<'a>(picture: &Picture, width: u16) -> Vec<Line<'a>> {
             picture.styled(count.to_string(), tone),
         ]
     };
-    // Most sessions have no timeouts and takeovers.
-    let is_shown =
-        |(name, count): &(&str, u64)| !["timeouts", "takeovers"].contains(name) || *count > 0;
+    // Most sessions have none of these.
+    let is_rare = |name: &str| ["too old", "stalls", "timeouts", "takeovers"].contains(&name);
+    let is_shown = |(name, count): &(&str, u64)| !is_rare(name) || *count > 0;
     wrap(counts.into_iter().filter(is_shown).map(piece).collect(), width)
 }
 

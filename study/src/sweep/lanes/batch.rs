@@ -1,6 +1,6 @@
 //! The loops of all lanes, moved together.
 
-use mtj_controller::responder::{Context, Responder, Response, is_singular};
+use mtj_controller::responder::{Context, Responder, Response};
 use mtj_model::{
     MAX_SIGNALS,
     arm::{
@@ -36,6 +36,7 @@ pub(crate) struct Batch<'a, 'b, T: Lanes, const N: usize, const M: usize, const 
     previous: Previous<T, M>,
     has_noise: bool,
     predicts: bool,
+    balances_gravity: bool,
 }
 
 /// A lane's place.
@@ -63,6 +64,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
             previous: Previous::none(),
             has_noise: some.noise > 0.0,
             predicts: some.law.prediction.is_some(),
+            balances_gravity: some.law.balances_gravity(&some.arm),
             queue,
         };
         batch.run();
@@ -224,11 +226,16 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
         } else {
             *self.arms.configuration()
         };
+        let at_rest = match self.balances_gravity {
+            true => Configuration::new(&samples.position, &SVector::zeros()),
+            false => at,
+        };
         let echo = padded(&samples.recalled);
         let context = Context {
             previous: self.previous,
             horizon: if self.predicts { Some(samples.horizon) } else { None },
             echo: Some(&echo),
+            at_rest: self.balances_gravity.then_some(&at_rest),
             precomputed: None,
         };
         let mut unseen = [T::zero(); MAX_SIGNALS];
@@ -277,14 +284,10 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
             return true;
         }
         if let Some(delivered_ns) = delivered_ns {
-            if is_singular(response.command.condition.get(lane)) {
-                (self.queue.on_result)(this.number, None);
-                place.lane = None;
-                return true;
-            }
             let torque = numbers(response.command.torque.as_slice(), lane);
             let echo = numbers(&response.command.echo, lane);
-            if let Some(torque) = this.command(delivered_ns, torque, echo) {
+            let gravity = numbers(response.gravity.as_slice(), lane);
+            if let Some(torque) = this.command(delivered_ns, torque, gravity, echo) {
                 put(self.arms.torque.as_mut_slice(), lane, &torque);
             }
         }

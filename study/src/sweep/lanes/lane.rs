@@ -121,10 +121,10 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
 
     #[inline(always)]
     fn apply(&mut self, command: &Command<N, E>) -> Option<[f64; N]> {
-        if !self.sequencer.apply(command, self.time_ns) {
+        // Nothing but a timeout makes the torque depend on the velocity, and there is none here.
+        if !self.sequencer.apply(command, self.time_ns, &[0.0; N]) {
             return None;
         }
-        // Nothing but a timeout makes the torque depend on the velocity, and there is none here.
         let torque = self.sequencer.actuator().torque(&[0.0; N]);
         self.measures.command(&torque);
         Some(torque)
@@ -213,6 +213,7 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
         &mut self,
         delivered_ns: u64,
         torque: [f64; N],
+        gravity: [f64; N],
         echo: [f64; E],
     ) -> Option<[f64; N]> {
         if let Some(memory) = &mut self.memory {
@@ -224,7 +225,7 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
         let mut effect = None;
         if let Departure::Arrives(arrives_ns) = departure {
             let echo_count = E as u64;
-            let command = Command { sequence, sampled_ns, torque, echo, echo_count };
+            let command = Command { sequence, sampled_ns, torque, gravity, echo, echo_count };
             if arrives_ns == self.time_ns {
                 effect = self.apply(&command);
             } else {

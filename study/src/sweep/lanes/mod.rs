@@ -39,7 +39,7 @@ pub struct BatchShape {
 }
 
 /// The shape of a scenario; `None` where it is for the scalar path: in real time, with an
-/// integration step that was asked for, with a command timeout, and for arms of more than three
+/// integration step that was asked for, with a command timeout or joint limits, and for arms of more than three
 /// links.
 pub fn shape(scenario: &Scenario) -> Option<BatchShape> {
     let timing = &scenario.timing;
@@ -47,13 +47,16 @@ pub fn shape(scenario: &Scenario) -> Option<BatchShape> {
     let in_lanes = timing.clock == ClockKind::Lockstep
         && timing.tolerance.is_some()
         && scenario.safety.command_timeout.is_none()
+        && scenario.safety.joint_limits.is_empty()
         && links <= MOST_LINKS
         && scenario.duration.as_nanos() < LONGEST_NS;
     in_lanes.then(|| {
         let mut formulas = Shape::new();
         scenario.trajectory.shape(&mut formulas);
         scenario.law.law.shape(&mut formulas);
-        formulas.extend([scenario.law.prediction.is_some(), scenario.noise > 0.0].map(u8::from));
+        let (law, arm) = (&scenario.law, &scenario.arm);
+        let choices = [law.prediction.is_some(), law.balances_gravity(arm), scenario.noise > 0.0];
+        formulas.extend(choices.map(u8::from));
         BatchShape { links, formulas }
     })
 }
