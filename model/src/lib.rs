@@ -30,6 +30,8 @@ pub mod matrix;
 pub mod scalar;
 pub mod scenario;
 pub mod scene;
+pub mod spline;
+pub mod table;
 pub mod task;
 pub mod trajectory;
 

@@ -104,6 +104,7 @@ fn path(trajectory: &Trajectory<f64>) -> Vec<Point> {
             TAU / circle.angular_frequency.abs()
         }
         Trajectory::PointToPoint(line) => line.duration,
+        Trajectory::Points(spline) => spline.points().last().map_or(0.0, |[end, ..]| *end),
     };
     // A circle that stands still has no period.
     let period = if period.is_finite() { period } else { 0.0 };

@@ -2,7 +2,7 @@
 
 use nalgebra::{SVector, Vector2};
 
-use crate::{lift, scalar::Scalar};
+use crate::{lift, scalar::Scalar, spline::Spline};
 
 /// A desired point with its first and second derivatives, for a task whose points are `P`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,6 +24,8 @@ pub enum Trajectory<T> {
     Circle(Circle<T>),
     /// From one point to another, at rest at both.
     PointToPoint(PointToPoint<T>),
+    /// Through given points.
+    Points(Spline),
 }
 
 /// center + radius (cos(ωt + phase), sin(ωt + phase)).
@@ -91,6 +93,14 @@ impl<T: Scalar> Trajectory<T> {
                 motion
             }
             Self::PointToPoint(line) => line.at(time),
+            Self::Points(spline) => {
+                let [x, y, x_dot, y_dot, x_ddot, y_ddot] = time.look_up(|time| spline.at(time));
+                Motion {
+                    point: Vector2::new(x, y),
+                    velocity: Vector2::new(x_dot, y_dot),
+                    acceleration: Vector2::new(x_ddot, y_ddot),
+                }
+            }
         }
     }
 }
@@ -117,6 +127,8 @@ impl Trajectory<f64> {
                     ((line.from + line.to) / 2.0).norm() - (line.to - line.from).norm() / 2.0;
                 (closest.max(0.0), from.max(to))
             }
+            // Between its points it may swing anywhere.
+            Self::Points(_) => (0.0, f64::INFINITY),
         }
     }
 }
@@ -171,7 +183,14 @@ fn first_axes<T: Scalar, const M: usize>(plane: &Vector2<T>) -> SVector<T, M> {
     axes
 }
 
-lift! { enum Trajectory<T> { PerturbedCircle(circle, ripple), Circle(circle), PointToPoint(line) } }
+lift! {
+    enum Trajectory<T> {
+        PerturbedCircle(circle, ripple),
+        Circle(circle),
+        PointToPoint(line),
+        Points(spline),
+    }
+}
 lift! { struct Circle<T> { center, radius, angular_frequency, phase } }
 lift! { struct Ripple<T> { amplitude, multiple } }
 lift! { struct PointToPoint<T> { from, to, duration } }

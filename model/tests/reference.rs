@@ -11,11 +11,12 @@ use mtj_model::{
 use toml::{Table, Value};
 
 /// A scenario of each kind of table, as overrides of `sampled/mtj`.
-const KINDS: [&[&str]; 7] = [
+const KINDS: [&[&str]; 8] = [
     &["arm.links[0].center=0.5", "task.kind=plane", "sensor.noise=0", "safety.damping=1"],
     &["law.kind=tj", "trajectory={kind='circle', radius=1, angular_frequency=1}"],
     &["law.kind=mb", "trajectory={kind='point-to-point', from=[1,1], to=[0,1], duration='1s'}"],
     &["law.kind=tdc", "law.mass=2", "link.state.jitter={kind='replay', file='here.csv'}"],
+    &["trajectory={kind='file', points=[[0, 1, 1], [1, 0, 1]]}"],
     &["link.state.latency=1ms", "link.state.jitter={kind='uniform', spread='1ms'}"],
     &[
         "link.state.latency=1ms",
@@ -125,8 +126,14 @@ fn a_declared_default_is_what_is_in_effect_without_the_key() {
             // Keys of a kind that this scenario is not of, and keys that are set.
             let is_optional = ["sensor", "safety", "bus", "law.factor", "law.model", "link.*"];
             let is_of_kind = tables.contains(table) || is_optional.contains(&table);
-            let is_circle = !plain.text().contains("point-to-point") || table != "trajectory";
-            if !is_of_kind || !is_circle || keys.contains(parameter.key) {
+            let is_other = |kind: &str, key: &str| {
+                let is_kind = plain.text().contains(&format!("kind = \"{kind}\""));
+                table == "trajectory" && is_kind != (parameter.key == key)
+            };
+            let is_of_kind = is_of_kind
+                && !(table == "trajectory" && plain.text().contains("point-to-point"))
+                && !is_other("file", "trajectory.order");
+            if !is_of_kind || keys.contains(parameter.key) {
                 continue;
             }
             let set = format!("{}={value}", parameter.key.replace("link.*", "link.state"));

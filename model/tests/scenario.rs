@@ -235,7 +235,6 @@ fn a_refusal_names_origin_key_and_value() {
         ("safety.position_max=[-1.0, 3.0]", &["position_max", "joint 1 is at 0.03 rad"]),
         ("safety.speed_limit=1.2", &["speed_limit = 1.2", "joint 1", "1.5 rad/s"]),
         ("trajectory.radius=2.5", &["trajectory.radius = 2.5", "0.000 m to 2.000 m", "2.5"]),
-        ("arm.links[1].length=0.2", &["trajectory.radius", "0.800 m to 1.200 m", "m away"]),
         ("law.gravity=moon", &["law.gravity = \"moon\"", "\"none\", \"model\""]),
         ("safety.on_timeout=panic", &["safety.on_timeout", "\"hold\", \"zero\", \"damp\""]),
         ("seed=-1", &["seed = -1", "0 or more"]),
@@ -466,4 +465,37 @@ fn a_load_that_the_law_does_not_carry_is_told_with_its_number() {
     let found = advice(&[gravity, "law.gravity=model", "safety.torque_limit=[20.0, 20.0]"]);
     assert_eq!(found.len(), 1, "{found:?}");
     assert!(found[0].contains("more than safety.torque_limit") && found[0].contains("20 N m"));
+}
+
+#[test]
+fn a_motion_from_a_file_travels_as_its_points() {
+    let folder = std::env::temp_dir().join(format!("mtj-points-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let text = built_in("sampled/mtj").unwrap();
+    let mut table: toml::Table = text.parse().unwrap();
+    table["trajectory"] =
+        "kind = \"file\"\nfile = \"path.csv\"".parse::<toml::Table>().unwrap().into();
+    let file = folder.join("own.toml");
+    std::fs::write(&file, table.to_string()).unwrap();
+    let load = || Scenario::load(file.to_str().unwrap(), &[]);
+    let csv = |text: &str| std::fs::write(folder.join("path.csv"), text).unwrap();
+    csv("\u{feff}time_s,note,x_m,y_m\n0,a,1.0,1.0\n2,,0.5,1.2\n4,,1.0,1.0\n");
+    let scenario = load().unwrap();
+    assert_eq!(scenario.trajectory.at::<2>(2.0).point.as_slice(), [0.5, 1.2]);
+    // Another machine has no file.
+    std::fs::remove_file(folder.join("path.csv")).unwrap();
+    let travelled = Scenario::parse(&scenario.name, scenario.text(), &[]).unwrap();
+    assert_eq!(travelled.trajectory, scenario.trajectory);
+    for (text, words) in [
+        ("time,x_m,y_m\n0,1,1\n", "columns time_s, x_m and y_m"),
+        ("time_s,x_m,y_m\n0,1,1\n1,one,1\n", "line 3: 'one'"),
+        ("time_s,x_m,y_m\n0,1,1\n", "at least two"),
+        ("time_s,x_m,y_m\n0,1,1\n0,1,1.1\n", "times that rise"),
+        ("time_s,x_m,y_m\n0,1,1\n5,3,1\n", "the arm can reach"),
+    ] {
+        csv(text);
+        let sentence = load().unwrap_err().to_string();
+        assert!(sentence.contains(words) && sentence.contains("own.toml"), "{sentence}");
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
 }

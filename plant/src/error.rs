@@ -2,7 +2,10 @@
 
 use std::{io, path::PathBuf, time::Duration};
 
-use mtj_model::scenario::{ScenarioError, duration};
+use mtj_model::{
+    scenario::{ScenarioError, duration},
+    table::TableError,
+};
 use mtj_protocol::{bus::BusError, request::RequestError};
 
 /// Why a plant stopped before it was done.
@@ -59,7 +62,7 @@ pub enum LinkError {
         /// The file.
         file: PathBuf,
         /// Why.
-        source: io::Error,
+        source: TableError,
     },
     /// The header names no column of latencies.
     #[error(
@@ -72,14 +75,6 @@ pub enum LinkError {
         file: PathBuf,
         /// What the first line names.
         found: String,
-    },
-    /// The file is no table.
-    #[error("{}: it is no CSV file: {error}", file.display())]
-    Csv {
-        /// The file.
-        file: PathBuf,
-        /// What the reader of CSV says.
-        error: String,
     },
     /// A line has something else than a latency.
     #[error(

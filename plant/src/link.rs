@@ -4,16 +4,12 @@
 //! [`REPLAY_FORMAT`](mtj_model::scenario::REPLAY_FORMAT): a header that names a column `latency_s`,
 //! `latency_ms`, `latency_us` or `latency_ns`, and then a latency, or `lost`, for each message.
 
-use std::{
-    fs::OpenOptions,
-    io::{self, Read},
-    os::unix::fs::OpenOptionsExt,
-    path::Path,
-    time::Duration,
-};
+use std::{path::Path, time::Duration};
 
-use mtj_model::scenario::{self, Dropout, Jitter, LinkSettings, Scenario};
-use nix::libc::O_NONBLOCK;
+use mtj_model::{
+    scenario::{self, Dropout, Jitter, LinkSettings, Scenario},
+    table::Table,
+};
 use rand_distr::{Distribution, Gamma, Normal};
 use rand_pcg::Pcg64;
 
@@ -230,69 +226,29 @@ impl Link {
     }
 }
 
-/// The longest file of latencies, bytes: some ten million lines.
-const LONGEST_FILE: u64 = 128 << 20;
-
-/// Reads a regular file. Anything else, like a pipe, might never end, or not even begin.
-fn read(file: &Path) -> io::Result<String> {
-    let opened = OpenOptions::new().read(true).custom_flags(O_NONBLOCK).open(file)?;
-    let found = opened.metadata()?;
-    if !found.is_file() {
-        return Err(io::Error::other("it is no regular file"));
-    }
-    let mut text = String::new();
-    opened.take(LONGEST_FILE + 1).read_to_string(&mut text)?;
-    if text.len() as u64 > LONGEST_FILE {
-        return Err(io::Error::other("it is longer than 128 MiB"));
-    }
-    Ok(text)
-}
-
 /// The word for a message that is lost.
 const LOST: &str = "lost";
 
 /// Reads the latencies of a replay, ns; `None` for a message that is lost.
 fn read_latencies(file: &Path) -> Result<Vec<Option<u64>>, LinkError> {
     let named = || file.to_owned();
-    let text = read(file).map_err(|source| LinkError::Unreadable { file: named(), source })?;
-    // A spreadsheet may begin the file with a byte-order mark, and quote what it likes.
-    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
-    let mut reader =
-        csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
-    let titles = reader.headers().cloned().unwrap_or_default();
+    let table =
+        Table::read(file).map_err(|source| LinkError::Unreadable { file: named(), source })?;
     let units = [("latency_s", 1e9), ("latency_ms", 1e6), ("latency_us", 1e3), ("latency_ns", 1.0)];
-    let (column, unit) = titles
+    let (column, unit) = units
         .iter()
-        .enumerate()
-        .find_map(|(i, title)| {
-            units.iter().find(|(unit, _)| title == *unit).map(|(_, length)| (i, *length))
-        })
-        .ok_or_else(|| LinkError::NoColumn {
-            file: named(),
-            found: titles.iter().collect::<Vec<_>>().join(", "),
-        })?;
-    let mut latencies = Vec::new();
-    for record in reader.records() {
-        let record =
-            record.map_err(|error| LinkError::Csv { file: named(), error: error.to_string() })?;
-        if record.iter().all(str::is_empty) {
-            continue;
-        }
-        let value = record.get(column).unwrap_or_default();
+        .find_map(|(title, length)| Some((table.column(title)?, *length)))
+        .ok_or_else(|| LinkError::NoColumn { file: named(), found: table.titles() })?;
+    let latency = |(line, value): (u64, &str)| {
         if value == LOST {
-            latencies.push(None);
-            continue;
+            return Ok(None);
         }
         let nanoseconds = value.parse::<f64>().ok().map(|latency| latency * unit);
-        let latency = nanoseconds
-            .filter(|nanoseconds| (0.0..1e18).contains(nanoseconds))
-            .ok_or_else(|| LinkError::Latency {
-                file: named(),
-                line: record.position().map_or(0, csv::Position::line),
-                value: value.to_owned(),
-            })?;
-        latencies.push(Some(latency.round() as u64));
-    }
+        let nanoseconds = nanoseconds.filter(|nanoseconds| (0.0..1e18).contains(nanoseconds));
+        let refuse = || LinkError::Latency { file: named(), line, value: value.to_owned() };
+        nanoseconds.map(|nanoseconds| Some(nanoseconds.round() as u64)).ok_or_else(refuse)
+    };
+    let latencies = table.cells(column).map(latency).collect::<Result<Vec<_>, _>>()?;
     if latencies.is_empty() {
         return Err(LinkError::Empty { file: named() });
     }
@@ -390,15 +346,6 @@ mod tests {
             let transits: Vec<_> = (0..4).map(|_| link.transit_ns()).collect();
             assert_eq!(transits, [Some(6_000_000), None, Some(5_000_000), Some(6_000_000)]);
         }
-        std::fs::remove_file(&file).unwrap();
-    }
-
-    #[test]
-    fn a_replay_of_a_spreadsheet_may_begin_with_a_mark_and_quote_what_it_likes() {
-        let file = std::env::temp_dir().join(format!("mtj-sheet-{}.csv", std::process::id()));
-        let text = "\u{feff}\"latency_ms\",\"note\"\r\n\"1.5\",\"a, b\"\r\n20,\"two\nlines\"\r\n";
-        std::fs::write(&file, text).unwrap();
-        assert_eq!(read_latencies(&file).unwrap(), [Some(1_500_000), Some(20_000_000)]);
         std::fs::remove_file(&file).unwrap();
     }
 

@@ -120,6 +120,8 @@ struct Plant<'a, C> {
     keeps_open: bool,
     trace: Option<Vec<TraceRow>>,
     stream: Option<TraceStream>,
+    /// Of the sample that is repeated until a controller answers it.
+    first_row: Option<TraceRow>,
     answers: Answers,
     /// Where no bus is crossed, only from the first request on.
     preparer: Option<Preparer>,
@@ -166,6 +168,7 @@ impl<'a, C: Clock> Plant<'a, C> {
             measures: Measures::new(scenario),
             keeps_open: watch.keeps_open,
             stream: watch.stream,
+            first_row: None,
             trace: watch.trace.then(|| Vec::with_capacity(samples.min(TRACED) as usize)),
             answers: Answers::default(),
             preparer: watch.round_trips.then(|| Preparer::start(scenario).ok()).flatten(),
@@ -277,6 +280,9 @@ impl<'a, C: Clock> Plant<'a, C> {
             }
         };
         self.clock.start();
+        if let (Some(stream), Some(row)) = (&self.stream, self.first_row.take()) {
+            stream.push(row, true);
+        }
         if let (Answer::Torque, Some(delivered_ns)) = (answer, transit) {
             self.take(Heard::Torque(delivered_ns));
         }
@@ -326,8 +332,11 @@ impl<'a, C: Clock> Plant<'a, C> {
                 torque: actuator.torque(&truth.velocity),
                 echo: actuator.applied(),
             };
-            if let Some(stream) = &self.stream {
-                stream.push(row, self.clock.stands_still());
+            match &self.stream {
+                // The run may never begin.
+                _ if row.time == 0.0 => self.first_row = Some(row),
+                Some(stream) => stream.push(row, self.clock.stands_still()),
+                None => {}
             }
             if let Some(trace) = &mut self.trace {
                 trace.push(row);

@@ -65,6 +65,7 @@ variants = [
     { name = "limited", set = { "safety.torque_limit" = [14, 7], "trajectory.radius" = 1.3 } },
     { name = "carried", set = { "arm.gravity" = [0.0, -9.81], "law.gravity" = "model", "safety.torque_limit" = [80, 40] } },
     { name = "soft", set = { "safety.torque_rate_limit" = [400, 200] } },
+    { name = "points", set = { "trajectory.kind" = "file" } },
     { name = "line", set = { "trajectory.kind" = "point-to-point" } },
 ]
 "#;
@@ -74,6 +75,10 @@ fn mixed(step: &str) -> Vec<Scenario> {
     let text = MIXED.replace(
         r#""trajectory.kind" = "point-to-point""#,
         r#""trajectory" = { kind = "point-to-point", from = [0.9, 1.0], to = [0.3, 1.3], duration = "2 s" }"#,
+    );
+    let text = text.replace(
+        r#""trajectory.kind" = "file""#,
+        r#""trajectory" = { kind = "file", points = [[0, 0.9, 1.0], [1, 0.3, 1.3], [2.5, 0.8, 1.1]] }"#,
     );
     let plan = Plan::parse("mixed", &text, &[set("timing.integration_step", step)]).unwrap();
     // A memory step is not a multiple of every sample period; such points have no scenario.

@@ -141,6 +141,16 @@ impl<V: Vector> Scalar for Wide<V> {
         Self(self.0.abs())
     }
     #[inline(always)]
+    fn look_up<const K: usize>(self, look_up: impl Fn(f64) -> [f64; K]) -> [Self; K] {
+        let mut found = [Self::splat(0.0); K];
+        for lane in 0..V::COUNT {
+            for (all, number) in found.iter_mut().zip(look_up(self.0.get(lane))) {
+                all.0.set(lane, number);
+            }
+        }
+        found
+    }
+    #[inline(always)]
     fn where_below(self, bound: Self, then: Self, otherwise: Self) -> Self {
         Self(self.0.where_below(bound.0, then.0, otherwise.0))
     }

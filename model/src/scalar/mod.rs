@@ -40,6 +40,9 @@ pub trait Scalar:
     }
     /// The magnitude.
     fn abs(self) -> Self;
+    /// What `look_up` says of the number; in lanes, of each for itself. For what no formula gives, like
+    /// a table.
+    fn look_up<const K: usize>(self, look_up: impl Fn(f64) -> [f64; K]) -> [Self; K];
     /// `then` where `self < bound`, else `otherwise`; the latter also where one of the two is no
     /// number.
     ///
@@ -66,6 +69,9 @@ macro_rules! implement_for_float {
             $($exp_each)?
             fn abs(self) -> Self {
                 $float::abs(self)
+            }
+            fn look_up<const K: usize>(self, look_up: impl Fn(f64) -> [f64; K]) -> [Self; K] {
+                look_up(f64::from(self)).map(Self::constant)
             }
             fn where_below(self, bound: Self, then: Self, otherwise: Self) -> Self {
                 if self < bound { then } else { otherwise }

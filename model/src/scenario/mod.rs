@@ -289,9 +289,11 @@ impl Template {
         for set in overrides {
             lay_over(&mut table, set)?;
         }
-        // A text that nothing was laid over keeps its comments.
-        let text = if overrides.is_empty() { self.text.clone() } else { table.to_string() };
         let origin = origin(&self.name, overrides);
+        let is_loaded = trajectory::load_points(&mut table, &origin)?;
+        // A text that nothing was laid over keeps its comments.
+        let is_changed = is_loaded || !overrides.is_empty();
+        let text = if is_changed { table.to_string() } else { self.text.clone() };
         Scenario::read(&self.name, Section::root(&origin, &table), text)
     }
 }

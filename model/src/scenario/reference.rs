@@ -40,6 +40,11 @@ pub fn reference() -> Vec<KeyTable> {
         table("trajectory: circle, perturbed-circle", "", trajectory::CIRCLE_KEYS),
         table("trajectory.ripple: perturbed-circle", "", trajectory::RIPPLE_KEYS),
         table("trajectory: point-to-point", "", trajectory::POINT_TO_POINT_KEYS),
+        table(
+            "trajectory: file",
+            "A motion through given points, continuous to the second derivative.",
+            trajectory::FILE_KEYS,
+        ),
         table("law", "The control law, and what every law has.", &common),
     ];
     tables.extend(LAWS.iter().map(|law| KeyTable {

@@ -34,6 +34,13 @@ impl Origin {
         if self.overridden.iter().any(below) { "--set".to_owned() } else { self.of(key) }
     }
 
+    /// The folder of the file that the text came from: where relative paths start. Empty, which is
+    /// the working directory, if it is built in.
+    pub(super) fn folder(&self) -> &Path {
+        let file = if built_in(&self.name).is_none() { self.name.as_str() } else { "" };
+        Path::new(file).parent().unwrap_or(Path::new(""))
+    }
+
     /// An error about the text as a whole.
     pub fn refuse(&self, expected: impl fmt::Display) -> ScenarioError {
         ScenarioError::Text {
@@ -102,12 +109,9 @@ impl<'a> Section<'a> {
         }
     }
 
-    /// The folder of the file that the text came from: where relative paths start. Empty, which is
-    /// the working directory, if it is built in.
+    /// The folder of the file that the text came from: where relative paths start.
     pub(super) fn folder(&self) -> &'a Path {
-        let name = self.origin.name.as_str();
-        let file = if built_in(name).is_none() { name } else { "" };
-        Path::new(file).parent().unwrap_or(Path::new(""))
+        self.origin.folder()
     }
 
     /// A table below this one, which must be there.

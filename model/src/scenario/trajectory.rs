@@ -1,20 +1,26 @@
 //! The desired motion of a scenario.
 
-use std::time::Duration;
+use std::{path::Path, time::Duration};
+
+use toml::Table;
 
 use super::{
     error::ScenarioError,
     key::{
-        Default::{Required, Value},
+        Default::{Required, Value, Words},
         Form, Parameter, Range,
     },
-    section::Section,
+    section::{self, Origin, Section},
 };
-use crate::trajectory::{Circle, PointToPoint, Ripple, Trajectory};
+use crate::{
+    spline::{Order, Spline, TimedPoint},
+    table,
+    trajectory::{Circle, PointToPoint, Ripple, Trajectory},
+};
 
 const KIND: Parameter = Parameter::new(
     "trajectory.kind",
-    Form::Choice(&["perturbed-circle", "circle", "point-to-point"]),
+    Form::Choice(&["perturbed-circle", "circle", "point-to-point", "file"]),
     "",
     Required,
     "What the tip should do; a perturbed circle is the paper's eq. (18).",
@@ -84,16 +90,42 @@ const DURATION: Parameter = Parameter::new(
 /// The keys of a motion from point to point.
 pub(super) const POINT_TO_POINT_KEYS: &[&Parameter] = &[&FROM, &TO, &DURATION];
 
+const POINTS: Parameter = Parameter::new(
+    "trajectory.points",
+    Form::Text("a list of [time in s, x in m, y in m], at least two, at times that rise"),
+    "",
+    Words("those of the file"),
+    "The points: a scenario that was loaded has these in place of the file.",
+);
+const SOURCE: Parameter = Parameter::new(
+    "trajectory.file",
+    Form::Text("the path of a CSV file"),
+    "",
+    Words("none where there are points"),
+    "A CSV file with the columns time_s, x_m and y_m; relative paths start at the scenario's folder.",
+);
+const ORDER: Parameter = Parameter::new(
+    "trajectory.order",
+    Form::Choice(&["cubic", "quintic"]),
+    "",
+    Value("\"quintic\""),
+    "How it goes from point to point, at rest at both ends: quintic begins and ends without a jump of \
+     the acceleration.",
+);
+/// The keys of a motion through points.
+pub(super) const FILE_KEYS: &[&Parameter] = &[&SOURCE, &POINTS, &ORDER];
+
 #[derive(Clone, Copy)]
 enum Kind {
     PerturbedCircle,
     Circle,
     PointToPoint,
+    File,
 }
 
 impl Trajectory<f64> {
     pub(super) fn read(section: Section<'_>) -> Result<Self, ScenarioError> {
-        let kinds = [Kind::PerturbedCircle, Kind::Circle, Kind::PointToPoint];
+        let kinds = [Kind::PerturbedCircle, Kind::Circle, Kind::PointToPoint, Kind::File];
         let trajectory = match section.word(&KIND, &kinds)? {
             Kind::Circle => Self::Circle(circle(&section)?),
             Kind::PerturbedCircle => {
@@ -105,10 +137,71 @@ impl Trajectory<f64> {
                 to: section.point(&TO)?.into(),
                 duration: section.duration(&DURATION)?.as_secs_f64(),
             }),
+            Kind::File => {
+                // Loading has put the points in its place.
+                section.text(&SOURCE, |_| true)?;
+                let order = section.word(&ORDER, &[Order::Cubic, Order::Quintic])?;
+                Self::Points(section.get(&POINTS, 1, |value| points(value, order))?)
+            }
         };
         section.finish()?;
         Ok(trajectory)
     }
+}
+
+/// The motion through the points of a list.
+fn points(value: &toml::Value, order: Order) -> Option<Spline> {
+    let points = value.as_array()?.iter().map(|point| section::numbers(point, 3)?.try_into().ok());
+    Spline::through(&points.collect::<Option<Vec<TimedPoint>>>()?, order)
+}
+
+/// The most points of a file: what a plant offers to the other roles has to hold them.
+const MOST_POINTS: usize = 1000;
+
+/// Puts the points of the file that a scenario's table names in the file's place, so that a scenario
+/// that travels needs no file; returns whether there was one.
+pub(super) fn load_points(root: &mut Table, origin: &Origin) -> Result<bool, ScenarioError> {
+    let Some(table) = root.get_mut("trajectory").and_then(toml::Value::as_table_mut) else {
+        return Ok(false);
+    };
+    let Some(file) = table.get(SOURCE.name()).and_then(toml::Value::as_str) else {
+        return Ok(false);
+    };
+    let path = origin.folder().join(file);
+    let read = read_points(&path);
+    let found = read.map_err(|reason| origin.refuse(format!("trajectory.file: {reason}")))?;
+    table.remove(SOURCE.name());
+    table.insert(POINTS.name().to_owned(), found);
+    Ok(true)
+}
+
+/// The points of a CSV file, or what is wrong with it.
+fn read_points(path: &Path) -> Result<toml::Value, String> {
+    let named = |reason: String| format!("{}: {reason}", path.display());
+    let table = table::Table::read(path).map_err(|error| named(error.to_string()))?;
+    let column = |title: &str| {
+        table.column(title).ok_or_else(|| {
+            let found = table.titles();
+            named(format!(
+                "expected the columns time_s, x_m and y_m in the first line, found {found}"
+            ))
+        })
+    };
+    let numbers = |title: &str| -> Result<Vec<f64>, String> {
+        let number = |(line, cell): (u64, &str)| {
+            let number = cell.parse::<f64>().ok().filter(|number| number.is_finite());
+            number.ok_or_else(|| {
+                named(format!("line {line}: '{cell}' is not accepted: expected a number"))
+            })
+        };
+        table.cells(column(title)?).map(number).collect()
+    };
+    let (times, xs, ys) = (numbers("time_s")?, numbers("x_m")?, numbers("y_m")?);
+    if times.len() > MOST_POINTS {
+        return Err(named(format!("expected at most {MOST_POINTS} points, found {}", times.len())));
+    }
+    let rows = times.into_iter().zip(xs).zip(ys).map(|((time, x), y)| [time, x, y]);
+    Ok(rows.map(|row| toml::Value::from(row.to_vec())).collect::<Vec<_>>().into())
 }
 
 fn circle(section: &Section<'_>) -> Result<Circle<f64>, ScenarioError> {

@@ -107,6 +107,7 @@ impl Scenario {
                 );
                 let key = match self.trajectory {
                     Trajectory::PointToPoint(_) => "to",
+                    Trajectory::Points(_) => "points",
                     _ => "radius",
                 };
                 return Err(root.section("trajectory")?.refuse(key, expected));
