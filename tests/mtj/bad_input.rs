@@ -81,7 +81,7 @@ fn one_link(law: &str) -> String {
     format!("{before}]\n{after}")
         .replace("position = [0.03, 1.5707963267948966]", "position = [0.03]")
         .replace("velocity = [1.5, -1.0]", "velocity = [1.5]")
-        .replace("radius = 1.4142135623730951", "radius = 0.9")
+        .replace("radius = 1.4142135623730951", "radius = 0.8")
         .replace("kind = \"mtj\"", law)
 }
 
