@@ -298,7 +298,8 @@ mod tests {
                       \"sequence\":5,\"time_ns\":0},\"state_sent_ns\":0,\"residence_ns\":0,\
                       \"controller\":1,\"torque\":[1.0,2.0],\"force\":[3.0,4.0]}";
         let sentence = read(Topic::Torque, torque.as_bytes()).unwrap_err().to_string();
-        assert_eq!(sentence, "it has protocol version 3, and this program reads version 4");
+        let both = format!("it has protocol version 3, and this program reads version {VERSION}");
+        assert_eq!(sentence, both);
         let json = br#"{"header":{"version":3}}"#;
         assert!(read(Topic::Error, json).is_err(), "a header without its fields is refused, too");
     }

@@ -129,8 +129,11 @@ mod tests {
         writer.finish().unwrap();
         let error = Recording::open(&path).unwrap().next().unwrap().unwrap_err();
         std::fs::remove_file(&path).unwrap();
-        let expected = "message 0 of /mtj/state cannot be read: it has protocol version 3, and this \
-                        program reads version 4";
+        let expected = format!(
+            "message 0 of /mtj/state cannot be read: it has protocol version 3, and this program reads \
+             version {}",
+            mtj_protocol::sample::VERSION
+        );
         assert_eq!(error.to_string(), format!("{}: {expected}", path.display()));
     }
 }
