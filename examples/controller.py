@@ -53,7 +53,7 @@ class Layout:
 HEADER = "version:I joints:I axes:I revision:I run:Q sequence:Q time_ns:Q"
 STATE = Layout(HEADER + """ sent_ns:Q latency_ns:Q round_trip_ns:Q residence_ns:Q leader:Q timed_out:Q echo_count:Q
     position:7d velocity:7d applied:7d delivered:7d""")
-TORQUE = Layout(HEADER + """ state_sent_ns:Q residence_ns:Q controller:Q echo_count:Q torque:7d gravity:7d echo:7d""")
+TORQUE = Layout(HEADER + """ state_sent_ns:Q residence_ns:Q controller:Q echo_count:Q torque:7d echo:7d""")
 UNITS = {"ns": 1, "us": 1e3, "µs": 1e3, "ms": 1e6, "s": 1e9, "min": 60e9, "h": 3600e9, "d": 86400e9}
 
 
@@ -186,7 +186,7 @@ def serve(session, name):
         if state.leader in (0, me):
             residence = time.perf_counter_ns() - received
             answer = vars(state) | {"state_sent_ns": state.sent_ns, "residence_ns": residence, "controller": me,
-                                    "echo_count": len(echo), "torque": torque, "gravity": [], "echo": echo}
+                                    "echo_count": len(echo), "torque": torque, "echo": echo}
             torques.put(TORQUE.pack(**answer))
     token.undeclare()
 

@@ -3,7 +3,10 @@
 use std::fmt;
 
 use mtj_model::{
-    arm::planar::{Configuration, PlanarArm},
+    arm::{
+        Arm,
+        planar::{Configuration, PlanarArm},
+    },
     for_axes, for_joints,
     law::{Description, Equation},
     lift::Lift,
@@ -352,20 +355,18 @@ impl<const N: usize, const M: usize, L: Equation<f64, M>> Respond for ArmControl
         let memory = self.memory.as_ref();
         let echo = memory.and_then(|memory| memory.recall(&state.applied, &state.delivered));
         let at = Configuration::new(&q, &q_dot);
-        let at_rest = match self.balances_gravity {
-            true => Configuration::new(&q, &SVector::zeros()),
-            false => at,
-        };
         let context = Context {
             previous: self.previous,
             horizon: prediction::horizon(self.horizon, state.latency_ns),
             echo,
-            at_rest: self.balances_gravity.then_some(&at_rest),
             precomputed: self.precomputed,
         };
         let shown = &mut answered.error;
-        let Response { command, gravity, error, tip, .. } =
+        let Response { mut command, error, tip, .. } =
             self.responder.respond(time, &at, &context, &mut shown.signals);
+        if self.balances_gravity {
+            command.torque += self.responder.arm.gravity(&q);
+        }
         self.previous = Previous { time, velocity: tip.velocity };
         answered.is_damped = command.damping > 0.0;
         if let Some(memory) = &mut self.memory {
@@ -378,7 +379,6 @@ impl<const N: usize, const M: usize, L: Equation<f64, M>> Respond for ArmControl
             controller: 0,
             echo_count: self.echo_count,
             torque: padded(command.torque.as_slice()),
-            gravity: padded(gravity.as_slice()),
             echo: command.echo,
         };
         shown.header = header;

@@ -10,7 +10,6 @@ use mtj_model::{
     task::{Previous, Task, Tip, TrackingError},
     trajectory::{Motion, Trajectory},
 };
-use nalgebra::SVector;
 
 use crate::prediction;
 
@@ -32,15 +31,13 @@ lift! { struct Responder<T, A, M> { arm, trajectory, law } }
 
 /// What an answer needs besides the measured configuration.
 #[derive(Clone, Copy, Debug)]
-pub struct Context<'a, T, P, C, const M: usize> {
+pub struct Context<'a, T, P, const M: usize> {
     /// The tip at the sample before.
     pub previous: Previous<T, M>,
     /// How far ahead to aim, s; `None` for not at all.
     pub horizon: Option<T>,
     /// The echo that the memory holds; `None` at the first sample.
     pub echo: Option<&'a Echo<T>>,
-    /// The configuration at rest, where gravity is to be balanced.
-    pub at_rest: Option<&'a C>,
     /// The desired motion at an instant, s, for which it was computed before.
     pub precomputed: Option<(T, Motion<T, P, M>)>,
 }
@@ -48,10 +45,8 @@ pub struct Context<'a, T, P, C, const M: usize> {
 /// An answer, with the desired motion and the tracking error that it is based on.
 #[derive(Clone, Copy, Debug)]
 pub struct Response<T, P, const N: usize, const M: usize> {
-    /// What the law answers, with `gravity` in its torque.
+    /// What the law answers.
     pub command: Command<T, N>,
-    /// The torque that balances gravity, N m; zero where that is not asked for.
-    pub gravity: SVector<T, N>,
     /// The desired motion at the instant that the law aims at.
     pub desired: Motion<T, P, M>,
     /// e and ė there.
@@ -85,7 +80,7 @@ impl<T: Scalar, A, const M: usize, L: Equation<T, M>> Responder<T, A, M, L> {
         &self,
         time: T,
         at: &A::Configuration,
-        context: &Context<'_, T, A::Point, A::Configuration, M>,
+        context: &Context<'_, T, A::Point, M>,
         signals: &mut Signals<T>,
     ) -> Response<T, A::Point, N, M>
     where
@@ -110,12 +105,7 @@ impl<T: Scalar, A, const M: usize, L: Equation<T, M>> Responder<T, A, M, L> {
             acceleration: &acceleration,
             memory: context.echo,
         };
-        let mut command = self.law.command(&now, signals);
-        let mut gravity = SVector::zeros();
-        if let Some(at_rest) = context.at_rest {
-            gravity = self.arm.velocity_terms(at_rest);
-            command.torque += gravity;
-        }
-        Response { command, gravity, desired, error, tip }
+        let command = self.law.command(&now, signals);
+        Response { command, desired, error, tip }
     }
 }

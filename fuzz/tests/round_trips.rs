@@ -56,10 +56,10 @@ proptest! {
     fn a_torque_comes_back(
         header in header(),
         (state_sent_ns, residence_ns, controller, echo_count) in any::<(u64, u64, u64, u64)>(),
-        (torque, gravity, echo) in (uniform7(ANY), uniform7(ANY), uniform7(ANY)),
+        (torque, echo) in (uniform7(ANY), uniform7(ANY)),
     ) {
         comes_back(&TorqueSample {
-            header, state_sent_ns, residence_ns, controller, echo_count, torque, gravity, echo,
+            header, state_sent_ns, residence_ns, controller, echo_count, torque, echo,
         });
     }
 

@@ -6,7 +6,7 @@ use mtj_model::{
     MAX_ECHO, MAX_JOINTS,
     scenario::{OnTimeout, Scenario},
 };
-use mtj_protocol::sample::TorqueSample;
+use mtj_protocol::sample::{Joints, TorqueSample};
 
 use crate::engine::Drive;
 
@@ -27,9 +27,10 @@ pub struct Command<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
     pub echo_count: u64,
 }
 
-impl From<&TorqueSample> for Command {
-    fn from(sample: &TorqueSample) -> Self {
-        let TorqueSample { header, torque, gravity, echo, echo_count, .. } = *sample;
+impl Command {
+    /// The command of a torque sample, of which this part balances gravity, N m.
+    pub fn of(sample: &TorqueSample, gravity: Joints) -> Self {
+        let TorqueSample { header, torque, echo, echo_count, .. } = *sample;
         let (sequence, sampled_ns) = (header.sequence, header.time_ns);
         Self { sequence, sampled_ns, torque, gravity, echo, echo_count }
     }

@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn events_come_by_time_then_rank_then_age() {
-        let command = Command::from(&TorqueSample::default());
+        let command = Command::of(&TorqueSample::default(), [0.0; _]);
         let mut agenda = Agenda::new();
         agenda.push(5, Event::Sample);
         agenda.push(5, Event::EndDisturbance(1));

@@ -12,6 +12,7 @@
 
 pub mod actuator;
 pub mod agenda;
+mod carried;
 mod clock;
 pub mod direct;
 pub mod dormand_prince;

@@ -65,12 +65,13 @@ impl<'a> Peer<'a> {
         self.send(state)?;
         let until = Instant::now() + patience;
         while let Some(answer) = self.exchange.receive(until)? {
-            if stall::stall(until, Instant::now()).is_some() {
+            let now = Instant::now();
+            if stall::stall(until, now).is_some() {
                 self.forget_round_trips();
             }
             if self.torque().header.sequence == state.header.sequence {
                 if answer == Answer::Torque {
-                    self.note_round_trip();
+                    self.note_round_trip(now);
                 }
                 return Ok(Some(answer));
             }
@@ -78,14 +79,15 @@ impl<'a> Peer<'a> {
         Ok(None)
     }
 
-    /// Notes how long the torque took that was received last, and returns it, ns; `None` if that
-    /// says nothing.
-    pub(crate) fn note_round_trip(&mut self) -> Option<u64> {
+    /// Notes how long the torque took that was received last, `now`, and returns it, ns; `None` if
+    /// that says nothing.
+    pub(crate) fn note_round_trip(&mut self, now: Instant) -> Option<u64> {
         let TorqueSample { state_sent_ns, residence_ns, .. } = *self.exchange.torque();
         if !self.is_timed || state_sent_ns < self.forgotten_ns {
             return None;
         }
-        self.round_trip_ns = self.now_ns().saturating_sub(state_sent_ns);
+        let now_ns = now.saturating_duration_since(self.origin).as_nanos() as u64;
+        self.round_trip_ns = now_ns.saturating_sub(state_sent_ns);
         // A controller cannot have taken longer than we have waited, whatever it says.
         self.residence_ns = residence_ns.min(self.round_trip_ns);
         self.round_trips.record(self.round_trip_ns);

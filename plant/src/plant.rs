@@ -20,6 +20,7 @@ use self::told::tell_stop;
 use crate::{
     actuator::Command,
     agenda::{Agenda, Event},
+    carried::Carried,
     clock::{Clock, Heard, Lockstep, Realtime},
     durations::Durations,
     engine::{Engine, engine},
@@ -112,6 +113,7 @@ struct Plant<'a, C> {
     engine: Box<dyn Engine>,
     tracking: Tracking,
     sensor: Sensor,
+    carried: Carried,
     agenda: Agenda,
     sequencer: Sequencer,
     clock: C,
@@ -161,6 +163,7 @@ impl<'a, C: Clock> Plant<'a, C> {
             engine,
             tracking: Tracking::new(scenario),
             sensor: Sensor::new(scenario.noise, scenario.seed),
+            carried: Carried::new(scenario),
             agenda: Agenda::new(),
             sequencer: Sequencer::new(scenario)?,
             clock: C::new(),
@@ -343,6 +346,7 @@ impl<'a, C: Clock> Plant<'a, C> {
             }
         }
         let (position, velocity) = self.sensor.measure(truth.position, truth.velocity);
+        self.carried.note(self.header.sequence, &position);
         StateSample {
             header: self.header,
             sent_ns: 0,
@@ -378,7 +382,9 @@ impl<'a, C: Clock> Plant<'a, C> {
                 let departure = self.sequencer.depart(time_ns, true);
                 self.sequencer.count(departure);
                 if let Departure::Arrives(arrives_ns) = departure {
-                    let command = Command::from(self.peer.torque());
+                    let torque = self.peer.torque();
+                    let gravity = self.carried.of(torque.header.sequence);
+                    let command = Command::of(torque, gravity);
                     self.agenda.push(arrives_ns, Event::Arrive(command));
                 }
             }

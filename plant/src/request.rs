@@ -15,7 +15,7 @@ use mtj_protocol::{
     sample::{ChangeSample, Header, Joints, RequestSample, padded},
 };
 
-use crate::{error::Refusal, link::LinkChanges};
+use crate::{carried::Carried, error::Refusal, link::LinkChanges};
 
 /// How many requests are handled at a time, so that a flood of them does not hold up the loop.
 pub(crate) const AT_A_TIME: usize = 8;
@@ -40,6 +40,7 @@ pub(crate) trait Changeable {
 pub(crate) struct Change {
     pub(crate) scenario: Scenario,
     pub(crate) links: LinkChanges,
+    pub(crate) carried: Carried,
 }
 
 /// A request that can be carried out without any more work.
@@ -60,7 +61,8 @@ impl Prepared {
                     sets.iter().map(|set| set.parse()).collect::<Result<_, _>>()?;
                 let scenario = current.changed(&sets)?;
                 let links = LinkChanges::between(current, &scenario)?;
-                Self::Change(Box::new(Change { scenario, links }))
+                let carried = Carried::new(&scenario);
+                Self::Change(Box::new(Change { scenario, links, carried }))
             }
             Request::Pause => Self::Pause(true),
             Request::Resume => Self::Pause(false),

@@ -166,3 +166,32 @@ fn a_run_ends_where_it_diverges() {
     assert!(outcome.report.duration_s < 1.0, "{} s", outcome.report.duration_s);
     assert_eq!(outcome.report.rms_error_m, None, "the second half was never reached");
 }
+
+#[test]
+fn a_torque_limit_scales_what_the_controller_adds_to_gravity() {
+    // Answers with the model's gravity, worked out here, and 30 N m more on the first joint.
+    let carrying = |state: &StateSample| {
+        let [q1, q2] = [state.position[0], state.position[1]];
+        let forearm = 9.81 * 3.0 * 0.5 * (q1 + q2).cos();
+        let gravity = [9.81 * (4.0 * 0.5 + 3.0) * q1.cos() + forearm, forearm];
+        answer(state, [gravity[0] + 30.0, gravity[1]], [6.0, -3.0])
+    };
+    let outcome = run(
+        &[
+            "arm.gravity=[0.0, -9.81]",
+            "arm.velocity=[0.0, 0.0]",
+            "law.gravity=model",
+            "safety.torque_limit=[60.0, 60.0]",
+        ],
+        carrying,
+    );
+    let [first, second] = [&outcome.trace[1], &outcome.trace[2]];
+    // What was held from the first sample on: q = (0.03, π/2).
+    let held = 9.81 * 5.0 * 0.03_f64.cos() - 9.81 * 1.5 * 0.03_f64.sin();
+    let part = (60.0 - held) / 30.0;
+    assert!(part > 0.3 && part < 0.5, "{part}");
+    assert!((first.torque[0] - 60.0).abs() < 1e-9, "{:?}", first.torque);
+    assert!((first.torque[1] + 9.81 * 1.5 * 0.03_f64.sin()).abs() < 1e-9, "carried as a whole");
+    assert!((first.echo[0] - 6.0 * part).abs() < 1e-9, "{:?}", first.echo);
+    assert!(second.torque[0] <= 60.0);
+}

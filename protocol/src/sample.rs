@@ -254,8 +254,6 @@ sample! {
         echo_count: u64,
         /// τ, N m.
         torque: Joints,
-        /// The part of τ that balances gravity, N m: a torque limit scales the rest alone.
-        gravity: Joints,
         /// Numbers of the law's choice, like its task force Q̂: the plant holds them with the
         /// torque, scales them with it, and returns what was in effect.
         echo: Echo,
@@ -448,7 +446,7 @@ macro_rules! implement_sample {
 
 implement_sample! {
     StateSample, "state", one writer true, loop true: position, velocity, applied, delivered => echo_count;
-    TorqueSample, "torque", one writer false, loop true: torque, gravity, echo => echo_count;
+    TorqueSample, "torque", one writer false, loop true: torque, echo => echo_count;
     ErrorSample, "error", one writer false, loop false: error, error_rate, signals;
     StatusSample, "status", one writer true, loop false: position, velocity, torque;
     RequestSample, "request", one writer false, loop false: torque;

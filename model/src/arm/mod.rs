@@ -98,6 +98,11 @@ pub trait Arm<T: Scalar, const N: usize>: Copy {
     fn inertia(&self, at: &Self::Configuration) -> SMatrix<T, N, N>;
     /// The velocity and gravity terms C, N m.
     fn velocity_terms(&self, at: &Self::Configuration) -> SVector<T, N>;
+    /// The torques g(q) that hold the arm against gravity at joint positions `q`, rad; N m.
+    #[inline(always)]
+    fn gravity(&self, q: &SVector<T, N>) -> SVector<T, N> {
+        self.velocity_terms(&Self::configuration(q, &SVector::zeros()))
+    }
     /// Joint accelerations q̈ = H⁻¹ (τ − C) under joint torques τ, rad/s².
     fn acceleration(&self, at: &Self::Configuration, torque: &SVector<T, N>) -> SVector<T, N>;
 }

@@ -5,12 +5,7 @@ use std::time::Duration;
 use nalgebra::SVector;
 
 use super::{Gravity, LinkSettings, Scenario, duration, error::ScenarioError, section::Section};
-use crate::{
-    arm::{Arm, planar::Configuration},
-    for_joints,
-    law::Equation,
-    trajectory::Trajectory,
-};
+use crate::{arm::Arm, for_joints, law::Equation, trajectory::Trajectory};
 
 /// How many points of a path are looked at.
 const POINTS: u32 = 256;
@@ -150,8 +145,7 @@ impl Scenario {
     fn gravity_load(&self) -> Vec<f64> {
         for_joints!(self.arm.joints(), N => {
             let q = SVector::<f64, N>::from_fn(|i, _| self.arm.position[i]);
-            let at = Configuration::new(&q, &SVector::zeros());
-            self.arm.build::<N>().velocity_terms(&at).iter().copied().collect()
+            self.arm.build::<N>().gravity(&q).as_slice().to_vec()
         })
     }
 }

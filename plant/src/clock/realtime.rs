@@ -56,9 +56,9 @@ impl Realtime {
         stall::tell("the plant", stall, "the run stood still meanwhile");
     }
 
-    /// Counts the torque that was received last, and the states before the one that it answers.
-    fn count_answer(&mut self, peer: &mut Peer<'_>, sequencer: &mut Sequencer) {
-        if let Some(round_trip_ns) = peer.note_round_trip() {
+    /// Counts the torque that was received `now`, and the states before the one that it answers.
+    fn count_answer(&mut self, now: Instant, peer: &mut Peer<'_>, sequencer: &mut Sequencer) {
+        if let Some(round_trip_ns) = peer.note_round_trip(now) {
             sequencer.note_round_trip(round_trip_ns);
         }
         let answered = peer.torque().header.sequence;
@@ -105,7 +105,7 @@ impl Clock for Realtime {
             let now = Instant::now();
             self.notice(now, patience, peer, sequencer);
             if received == Some(Answer::Torque) {
-                self.count_answer(peer, sequencer);
+                self.count_answer(now, peer, sequencer);
                 return Ok(Heard::Torque((now - self.origin).as_nanos() as u64));
             }
             if !peer.may_proceed() {
@@ -149,7 +149,7 @@ impl Clock for Realtime {
         if peer.exchange().receive(Instant::now() + patience)? != Some(Answer::Torque) {
             return Ok(Heard::Nothing);
         }
-        self.count_answer(peer, sequencer);
+        self.count_answer(Instant::now(), peer, sequencer);
         Ok(Heard::Torque(time_ns))
     }
 

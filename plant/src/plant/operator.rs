@@ -75,7 +75,7 @@ struct BeforeSample<'p, 'a, C> {
 }
 
 impl<C: Clock> Changeable for BeforeSample<'_, '_, C> {
-    fn change(&mut self, Change { scenario, links }: Change) {
+    fn change(&mut self, Change { scenario, links, carried }: Change) {
         let plant = &mut *self.plant;
         // The torque in effect may change here; what was before is integrated first.
         plant.advance(self.time_ns);
@@ -83,6 +83,9 @@ impl<C: Clock> Changeable for BeforeSample<'_, '_, C> {
         plant.sequencer.reconfigure(&scenario, links, self.time_ns, &velocity);
         plant.set_deadline();
         plant.sensor.set_noise(scenario.noise);
+        if scenario.law != plant.scenario.law || scenario.safety != plant.scenario.safety {
+            plant.carried = carried;
+        }
         plant.header.revision += 1;
         if scenario.law != plant.scenario.law {
             plant.new_law_from = Some(plant.sequencer.next_sequence());

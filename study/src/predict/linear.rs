@@ -95,7 +95,6 @@ impl<const M: usize> LinearLoop<M> {
             previous: Previous { time: -self.period, velocity: state.v_before },
             horizon: self.predicts.then_some(self.latency),
             echo: Some(&echo),
-            at_rest: None,
             precomputed: None,
         };
         let arm = PointMass { mass: self.model_mass };

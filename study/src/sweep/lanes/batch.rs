@@ -4,7 +4,7 @@ use mtj_controller::responder::{Context, Responder, Response};
 use mtj_model::{
     MAX_SIGNALS,
     arm::{
-        Kinematics,
+        Arm, Kinematics,
         planar::{Configuration, PlanarArm},
     },
     lanes::Lanes,
@@ -37,6 +37,8 @@ pub(crate) struct Batch<'a, 'b, T: Lanes, const N: usize, const M: usize, const 
     has_noise: bool,
     predicts: bool,
     balances_gravity: bool,
+    /// The torques that balance gravity, of the samples that are being answered, N m.
+    gravity: SVector<T, N>,
 }
 
 /// A lane's place.
@@ -65,6 +67,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
             has_noise: some.noise > 0.0,
             predicts: some.law.prediction.is_some(),
             balances_gravity: some.law.balances_gravity(&some.arm),
+            gravity: SVector::zeros(),
             queue,
         };
         batch.run();
@@ -226,20 +229,19 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
         } else {
             *self.arms.configuration()
         };
-        let at_rest = match self.balances_gravity {
-            true => Configuration::new(&samples.position, &SVector::zeros()),
-            false => at,
-        };
         let echo = padded(&samples.recalled);
         let context = Context {
             previous: self.previous,
             horizon: if self.predicts { Some(samples.horizon) } else { None },
             echo: Some(&echo),
-            at_rest: self.balances_gravity.then_some(&at_rest),
             precomputed: None,
         };
         let mut unseen = [T::zero(); MAX_SIGNALS];
-        let response = self.responder.respond(samples.time, &at, &context, &mut unseen);
+        let mut response = self.responder.respond(samples.time, &at, &context, &mut unseen);
+        if self.balances_gravity {
+            self.gravity = self.responder.arm.gravity(&samples.position);
+            response.command.torque += self.gravity;
+        }
         let heard = |new: T, old: T| T::zero().where_below(samples.is_heard, new, old);
         self.previous.time = heard(response.tip.time, self.previous.time);
         for axis in 0..M {
@@ -286,7 +288,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
         if let Some(delivered_ns) = delivered_ns {
             let torque = numbers(response.command.torque.as_slice(), lane);
             let echo = numbers(&response.command.echo, lane);
-            let gravity = numbers(response.gravity.as_slice(), lane);
+            let gravity = numbers(self.gravity.as_slice(), lane);
             if let Some(torque) = this.command(delivered_ns, torque, gravity, echo) {
                 put(self.arms.torque.as_mut_slice(), lane, &torque);
             }
