@@ -9,7 +9,7 @@ use mtj_model::scenario::{Scenario, Wait};
 use mtj_protocol::{
     bus::{Bus, BusError},
     member::Member,
-    port::{self, ControllerPort, Received, Survivor},
+    port::{self, ControllerPort, Received, Tolerance},
     stall,
 };
 
@@ -63,7 +63,7 @@ pub fn serve_with(
     proceed: &dyn Fn() -> bool,
     make: &dyn Fn(&Scenario) -> Result<Controller, LawError>,
 ) -> Result<(), ServeError> {
-    let mut survivor = Survivor::default();
+    let mut tolerance = Tolerance::default();
     let mut has_served = false;
     while proceed() {
         let joined = port::fetch_scenario(bus, proceed).and_then(|offered| {
@@ -72,9 +72,9 @@ pub fn serve_with(
             Ok(Some((ControllerPort::open(bus, member, &offered, wait)?, offered)))
         });
         let joined =
-            if has_served { survivor.survive("join another run", joined) } else { joined? };
+            if has_served { tolerance.tolerate("join another run", joined) } else { joined? };
         if let Some((mut port, offered)) = joined {
-            serve_run(bus, &mut port, make(&offered.scenario)?, &mut survivor, proceed)?;
+            serve_run(bus, &mut port, make(&offered.scenario)?, &mut tolerance, proceed)?;
             has_served = true;
         }
         thread::sleep(PAUSE);
@@ -87,7 +87,7 @@ fn serve_run(
     bus: &impl Bus,
     port: &mut ControllerPort,
     mut controller: Controller,
-    survivor: &mut Survivor,
+    tolerance: &mut Tolerance,
     proceed: &dyn Fn() -> bool,
 ) -> Result<(), ServeError> {
     let mut is_told = false;
@@ -98,11 +98,11 @@ fn serve_run(
             // A reader that fails at once would leave no processor to the rest.
             thread::sleep(PAUSE);
         }
-        match survivor.survive("receive states", received) {
+        match tolerance.tolerate("receive states", received) {
             Some(Received::Misled) => return Ok(()),
             Some(Received::OtherRun) => {
                 let newer = port.newer_scenario(bus);
-                if survivor.survive("fetch the scenario", newer).is_some() {
+                if tolerance.tolerate("fetch the scenario", newer).is_some() {
                     return Ok(());
                 }
             }
@@ -110,9 +110,9 @@ fn serve_run(
             Some(Received::Repeated) => {
                 let torque = controller.answer_again(port.state());
                 if port.is_leader() {
-                    survivor.survive("send torques", port.send(torque));
+                    tolerance.tolerate("send torques", port.send(torque));
                 }
-                survivor.survive("publish what was sent", port.flush());
+                tolerance.tolerate("publish what was sent", port.flush());
             }
             Some(Received::New) => {
                 let received = Instant::now();
@@ -120,14 +120,14 @@ fn serve_run(
                     stall::tell("the controller", stall, "what it missed, it cannot answer");
                 }
                 let newer = port.newer_scenario(bus);
-                if let Some(changed) = survivor.survive("fetch the scenario", newer) {
+                if let Some(changed) = tolerance.tolerate("fetch the scenario", newer) {
                     controller.reconfigure(&changed.scenario);
                 }
                 let torque = controller.respond(port.state())?;
                 if port.is_leader() {
                     torque.residence_ns = received.elapsed().as_nanos() as u64;
-                    survivor.survive("send torques", port.send(torque));
-                    survivor.survive("publish errors", port.publish(controller.error()));
+                    tolerance.tolerate("send torques", port.send(torque));
+                    tolerance.tolerate("publish errors", port.publish(controller.error()));
                 }
                 if controller.is_damped() && !std::mem::replace(&mut is_told, true) {
                     tracing::warn!(
@@ -136,7 +136,7 @@ fn serve_run(
                     );
                 }
                 controller.preprocess(port.state());
-                survivor.survive("publish what was sent", port.flush());
+                tolerance.tolerate("publish what was sent", port.flush());
             }
         }
     }

@@ -7,7 +7,7 @@ use std::{
 
 use mtj_protocol::{
     bus::Bus,
-    port::{Message, MonitorPort, Survivor},
+    port::{Message, MonitorPort, Tolerance},
     stall,
 };
 
@@ -40,7 +40,7 @@ pub trait Sink {
 pub struct BusSource<'a, B> {
     bus: &'a B,
     port: MonitorPort,
-    survivor: Survivor,
+    tolerance: Tolerance,
 }
 
 impl<B> fmt::Debug for BusSource<'_, B> {
@@ -52,14 +52,14 @@ impl<B> fmt::Debug for BusSource<'_, B> {
 impl<'a, B: Bus> BusSource<'a, B> {
     /// Joins a bus as a monitor.
     pub fn open(bus: &'a B) -> Result<Self, MonitorError> {
-        Ok(Self { bus, port: MonitorPort::open(bus)?, survivor: Survivor::default() })
+        Ok(Self { bus, port: MonitorPort::open(bus)?, tolerance: Tolerance::default() })
     }
 }
 
 impl<B: Bus> Source for BusSource<'_, B> {
     fn drain(&mut self, handle: &mut dyn FnMut(Message)) -> Result<(), MonitorError> {
         let drained = self.port.drain(self.bus, handle);
-        self.survivor.survive("read samples", drained);
+        self.tolerance.tolerate("read samples", drained);
         Ok(())
     }
 }

@@ -144,8 +144,8 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         gravity: &[f64; N],
         echo: &[f64; E],
     ) -> ([f64; N], [f64; E]) {
-        let is_carried = gravity.iter().zip(&self.limit).all(|(part, limit)| part.abs() < *limit);
-        let kept = |joint: usize| if is_carried { gravity[joint] } else { 0.0 };
+        let fits = gravity.iter().zip(&self.limit).all(|(part, limit)| part.abs() < *limit);
+        let kept = |joint: usize| if fits { gravity[joint] } else { 0.0 };
         let mut scale = 1.0;
         for (joint, (torque, limit)) in torque.iter().zip(&self.limit).enumerate() {
             let rest = torque - kept(joint);

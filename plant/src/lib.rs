@@ -12,13 +12,13 @@
 
 pub mod actuator;
 pub mod agenda;
-mod carried;
 mod clock;
 pub mod direct;
 pub mod dormand_prince;
 pub mod durations;
 pub mod engine;
 pub mod error;
+mod gravity;
 pub mod link;
 mod peer;
 pub mod plant;

@@ -1,7 +1,7 @@
 //! The loop of the plant: events in order of time, each handled by the loop's rules.
 
+mod messages;
 mod operator;
-mod told;
 
 use std::time::{Duration, Instant};
 
@@ -16,15 +16,15 @@ use mtj_protocol::{
 };
 use nalgebra::SVector;
 
-use self::told::tell_stop;
+use self::messages::tell_stop;
 use crate::{
     actuator::Command,
     agenda::{Agenda, Event},
-    carried::Carried,
     clock::{Clock, Heard, Lockstep, Realtime},
     durations::Durations,
     engine::{Engine, engine},
     error::{LinkError, PlantError},
+    gravity::GravityTerms,
     peer::Peer,
     report::{Measures, Report},
     request::{self, Answers, Preparer},
@@ -113,7 +113,7 @@ struct Plant<'a, C> {
     engine: Box<dyn Engine>,
     tracking: Tracking,
     sensor: Sensor,
-    carried: Carried,
+    gravity_terms: GravityTerms,
     agenda: Agenda,
     sequencer: Sequencer,
     clock: C,
@@ -163,7 +163,7 @@ impl<'a, C: Clock> Plant<'a, C> {
             engine,
             tracking: Tracking::new(scenario),
             sensor: Sensor::new(scenario.noise, scenario.seed),
-            carried: Carried::new(scenario),
+            gravity_terms: GravityTerms::new(scenario),
             agenda: Agenda::new(),
             sequencer: Sequencer::new(scenario)?,
             clock: C::new(),
@@ -346,7 +346,7 @@ impl<'a, C: Clock> Plant<'a, C> {
             }
         }
         let (position, velocity) = self.sensor.measure(truth.position, truth.velocity);
-        self.carried.note(self.header.sequence, &position);
+        self.gravity_terms.note(self.header.sequence, &position);
         StateSample {
             header: self.header,
             sent_ns: 0,
@@ -383,7 +383,7 @@ impl<'a, C: Clock> Plant<'a, C> {
                 self.sequencer.count(departure);
                 if let Departure::Arrives(arrives_ns) = departure {
                     let torque = self.peer.torque();
-                    let gravity = self.carried.of(torque.header.sequence);
+                    let gravity = self.gravity_terms.of(torque.header.sequence);
                     let command = Command::of(torque, gravity);
                     self.agenda.push(arrives_ns, Event::Arrive(command));
                 }

@@ -1,4 +1,4 @@
-//! Requests of operators: each is carried out once, and answered as often as it comes.
+//! Requests of operators: each is gravity_terms out once, and answered as often as it comes.
 
 use std::{
     collections::VecDeque,
@@ -15,7 +15,7 @@ use mtj_protocol::{
     sample::{ChangeSample, Header, Joints, RequestSample, padded},
 };
 
-use crate::{carried::Carried, error::Refusal, link::LinkChanges};
+use crate::{error::Refusal, gravity::GravityTerms, link::LinkChanges};
 
 /// How many requests are handled at a time, so that a flood of them does not hold up the loop.
 pub(crate) const AT_A_TIME: usize = 8;
@@ -40,10 +40,10 @@ pub(crate) trait Changeable {
 pub(crate) struct Change {
     pub(crate) scenario: Scenario,
     pub(crate) links: LinkChanges,
-    pub(crate) carried: Carried,
+    pub(crate) gravity_terms: GravityTerms,
 }
 
-/// A request that can be carried out without any more work.
+/// A request that can be gravity_terms out without any more work.
 pub(crate) enum Prepared {
     Change(Box<Change>),
     Pause(bool),
@@ -61,8 +61,8 @@ impl Prepared {
                     sets.iter().map(|set| set.parse()).collect::<Result<_, _>>()?;
                 let scenario = current.changed(&sets)?;
                 let links = LinkChanges::between(current, &scenario)?;
-                let carried = Carried::new(&scenario);
-                Self::Change(Box::new(Change { scenario, links, carried }))
+                let gravity_terms = GravityTerms::new(&scenario);
+                Self::Change(Box::new(Change { scenario, links, gravity_terms }))
             }
             Request::Pause => Self::Pause(true),
             Request::Resume => Self::Pause(false),

@@ -12,7 +12,7 @@ use mtj_options::{BusOptions, SessionOptions, lossy::LossyWriter};
 use mtj_protocol::{
     bus::Bus,
     member::{Member, Role},
-    port::{Bridge, Survivor, Traffic},
+    port::{Bridge, Tolerance, Traffic},
     shutdown::Shutdown,
     transport::AnyBus,
 };
@@ -56,9 +56,9 @@ impl BridgeCommand {
             "mtj bridge: session '{}' from {} to {}; Ctrl-C ends the bridge, and nothing else",
             from.session, self.from, self.to
         ));
-        let mut survivor = Survivor::default();
+        let mut tolerance = Tolerance::default();
         while proceed() {
-            survivor.survive("forward samples", bridge.forward());
+            tolerance.tolerate("forward samples", bridge.forward());
             log.refresh(&bridge);
             thread::sleep(PERIOD);
         }

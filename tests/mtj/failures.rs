@@ -1,18 +1,12 @@
 //! Each way to fail that docs/failures.md promises something about, and is not told elsewhere: the
 //! arm gets safe in time, and the loop goes on by itself, with nothing remembered from before.
 
-use std::{
-    fs, thread,
-    time::{Duration, Instant},
-};
+use std::{fs, thread, time::Duration};
 
-use crate::session::{Running, Session, observer::Observer};
-use mtj_controller::Controller;
-use mtj_model::scenario::Wait;
+use crate::session::{Running, Session, observer::Observer, own_controller::OwnController};
 use mtj_protocol::{
     bus::Bus,
-    member::{Member, Role},
-    port::{ControllerPort, Received, fetch_scenario},
+    member::Role,
     sample::{ErrorSample, StateSample, VERSION},
 };
 use nix::sys::signal::Signal;
@@ -213,26 +207,12 @@ fn a_slow_controller_is_late_and_its_torques_act_late() {
     for bus in ["iceoryx2", "zenoh"] {
         let session = Session::on(bus);
         let mut plant = plant(&session, "2s");
-        let end = Instant::now() + Duration::from_secs(20);
-        let proceed = || Instant::now() < end;
-        let joined = session.join(Role::Controller);
-        let offered = fetch_scenario(&joined, &proceed).unwrap().unwrap();
-        let member = Member::new(Role::Controller, 0);
-        let mut port = ControllerPort::open(&joined, &member, &offered, Wait::Block).unwrap();
-        let mut controller = Controller::new(&offered.scenario);
-        while !plant.has_ended() && proceed() {
-            let heard = port.receive(Instant::now() + Duration::from_millis(50)).unwrap();
-            let torque = match heard {
-                Some(Received::New) => controller.respond(port.state()).unwrap(),
-                Some(Received::Repeated) => controller.answer_again(port.state()),
-                _ => continue,
-            };
-            thread::sleep(Duration::from_millis(15));
-            if port.is_leader() {
+        let mut controller = OwnController::join(&session);
+        while !plant.has_ended() {
+            controller.answer(|torque| {
+                thread::sleep(Duration::from_millis(15));
                 torque.residence_ns = 15_000_000;
-                port.send(torque).unwrap();
-            }
-            port.flush().unwrap();
+            });
         }
         let report = report_of(&mut plant);
         let count = |name: &str| report["commands"][name].as_u64().unwrap();

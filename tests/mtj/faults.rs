@@ -7,7 +7,7 @@
 
 use std::{
     collections::BTreeMap,
-    env, fs,
+    fs,
     panic::{AssertUnwindSafe, catch_unwind},
     process::Command,
     thread,
@@ -26,7 +26,12 @@ use serde_json::Value;
 
 use crate::{
     machine,
-    session::{Running, Session, cable::Cable, eventually, shared_memory_of},
+    session::{
+        Running, Session,
+        cable::Cable,
+        chance::{Chance, setting},
+        eventually, shared_memory_of,
+    },
 };
 
 /// How many faults an episode has.
@@ -35,23 +40,6 @@ const FAULTS: usize = 24;
 const RATE: f64 = 2000.0;
 /// The longest latency that an episode sets, and what travels in it at the shortest period.
 const UNDER_WAY: u64 = 30;
-
-fn setting(name: &str, default: u64) -> u64 {
-    env::var(name).map_or(default, |value| value.parse().unwrap())
-}
-
-/// Chance (SplitMix64).
-struct Chance(u64);
-
-impl Chance {
-    fn below(&mut self, bound: u64) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (z ^ (z >> 31)) % bound
-    }
-}
 
 /// What can happen to a loop.
 #[derive(Clone, Debug, PartialEq)]
@@ -218,7 +206,7 @@ impl Episode {
         is_done.then(|| asking.stdout().trim().rsplit(' ').next().unwrap().parse().unwrap())
     }
 
-    fn suffer(&mut self, fault: &Fault) {
+    fn apply(&mut self, fault: &Fault) {
         match fault {
             Fault::Set(sets) => drop(self.ask(&format!("set {sets}"))),
             Fault::Limit(limit) => {
@@ -403,7 +391,7 @@ fn play(bus: &str, faults: &[Fault]) -> Result<(), String> {
     catch_unwind(AssertUnwindSafe(|| {
         let mut episode = Episode::begin(bus);
         for fault in faults {
-            episode.suffer(fault);
+            episode.apply(fault);
         }
         episode.end();
     }))

@@ -8,19 +8,15 @@ use std::{
     time::{Duration, Instant},
 };
 
-use mtj_controller::Controller;
-use mtj_model::scenario::Wait;
-use mtj_protocol::{
-    member::{Member, Role},
-    port::{ControllerPort, Received, fetch_scenario},
-    sample::{Phase, TorqueSample},
-};
+use mtj_protocol::sample::Phase;
 use nix::sys::signal::Signal;
 use serde_json::Value;
 
 use crate::{
     needs::needs,
-    session::{Running, Session, eventually, free_port, observer::Observer},
+    session::{
+        Running, Session, eventually, free_port, observer::Observer, own_controller::OwnController,
+    },
 };
 
 /// Runs `mtj` to its end: its exit status, and what it said.
@@ -120,29 +116,9 @@ fn commands_that_are_too_old_are_counted_apart_and_every_display_shows_the_safe_
     let session = Session::on("iceoryx2");
     let mut plant = session.start(&format!("{PLANT} --set safety.command_timeout=50ms"));
     let monitor = session.start("monitor");
-    let joined = session.join(Role::Controller);
-    let end = Instant::now() + Duration::from_secs(20);
-    let proceed = || Instant::now() < end;
-    let offered = fetch_scenario(&joined, &proceed).unwrap().unwrap();
-    let member = Member::new(Role::Controller, 0);
-    let mut port = ControllerPort::open(&joined, &member, &offered, Wait::Block).unwrap();
-    let mut controller = Controller::new(&offered.scenario);
-    let is_told = || {
-        monitor.stdout().contains("the arm brakes") || {
-            assert!(proceed(), "{}", monitor.stdout());
-            false
-        }
-    };
-    while !(is_told() && monitor.stdout().contains("too old")) {
-        let torque: &mut TorqueSample =
-            match port.receive(Instant::now() + Duration::from_millis(50)).unwrap() {
-                Some(Received::New) => controller.respond(port.state()).unwrap(),
-                Some(Received::Repeated) => controller.answer_again(port.state()),
-                _ => continue,
-            };
-        thread::sleep(Duration::from_millis(70));
-        port.send(torque).unwrap();
-        port.flush().unwrap();
+    let mut controller = OwnController::join(&session);
+    while !["the arm brakes", "too old"].iter().all(|words| monitor.stdout().contains(words)) {
+        controller.answer(|_| thread::sleep(Duration::from_millis(70)));
     }
     let report = ended(&mut plant);
     let count = |name: &str| report["commands"][name].as_u64().unwrap();
@@ -367,35 +343,24 @@ fn a_foreign_controllers_time_stamps_are_not_believed() {
     for bus in ["iceoryx2", "zenoh"] {
         let session = Session::on(bus);
         let mut plant = session.start(&format!("{PLANT} --set safety.command_timeout=100ms"));
-        let joined = session.join(Role::Controller);
-        let end = Instant::now() + Duration::from_secs(20);
-        let offered = fetch_scenario(&joined, &|| Instant::now() < end).unwrap().unwrap();
-        let member = Member::new(Role::Controller, 0);
-        let mut port = ControllerPort::open(&joined, &member, &offered, Wait::Block).unwrap();
-        let mut controller = Controller::new(&offered.scenario);
+        let mut controller = OwnController::join(&session);
         let (mut honest, mut forged) = (0, 0);
-        while honest + forged < 300 && Instant::now() < end {
-            let heard = port.receive(Instant::now() + Duration::from_millis(50)).unwrap();
-            let torque = match heard {
-                Some(Received::New) => controller.respond(port.state()).unwrap(),
-                Some(Received::Repeated) => controller.answer_again(port.state()),
-                _ => continue,
-            };
-            let sequence = torque.header.sequence;
-            match sequence % 4 {
-                _ if sequence < 4 => {}
-                0 => torque.header.time_ns = 0,
-                1 => torque.header.time_ns += 1_000_000_000_000,
-                2 => torque.state_sent_ns = 0,
-                _ => {}
-            }
-            if sequence >= 4 && sequence % 4 < 3 {
-                forged += 1;
-            } else {
-                honest += 1;
-            }
-            port.send(torque).unwrap();
-            port.flush().unwrap();
+        while honest + forged < 300 {
+            controller.answer(|torque| {
+                let sequence = torque.header.sequence;
+                match sequence % 4 {
+                    _ if sequence < 4 => {}
+                    0 => torque.header.time_ns = 0,
+                    1 => torque.header.time_ns += 1_000_000_000_000,
+                    2 => torque.state_sent_ns = 0,
+                    _ => {}
+                }
+                if sequence >= 4 && sequence % 4 < 3 {
+                    forged += 1;
+                } else {
+                    honest += 1;
+                }
+            });
         }
         let report = ended(&mut plant);
         let count = |name: &str| report["commands"][name].as_u64().unwrap();
@@ -411,21 +376,9 @@ fn a_monitor_says_of_a_silent_law_that_its_error_is_unknown_and_not_that_nobody_
     let session = Session::on("iceoryx2");
     let _plant = session.start(PLANT);
     let monitor = session.start("monitor");
-    let joined = session.join(Role::Controller);
-    let end = Instant::now() + Duration::from_secs(20);
-    let offered = fetch_scenario(&joined, &|| Instant::now() < end).unwrap().unwrap();
-    let member = Member::new(Role::Controller, 0);
-    let mut port = ControllerPort::open(&joined, &member, &offered, Wait::Block).unwrap();
-    let mut controller = Controller::new(&offered.scenario);
+    let mut controller = OwnController::join(&session);
     while !monitor.stdout().contains("|e| unknown") {
-        assert!(Instant::now() < end, "{}", monitor.stdout());
-        let torque = match port.receive(Instant::now() + Duration::from_millis(50)).unwrap() {
-            Some(Received::New) => controller.respond(port.state()).unwrap(),
-            Some(Received::Repeated) => controller.answer_again(port.state()),
-            _ => continue,
-        };
-        port.send(torque).unwrap();
-        port.flush().unwrap();
+        controller.answer(|_| {});
     }
     assert!(!monitor.stdout().contains("no controller"), "{}", monitor.stdout());
 }

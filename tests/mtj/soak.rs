@@ -6,13 +6,17 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    env, fs, thread,
+    fs, thread,
     time::{Duration, Instant},
 };
 
 use crate::{
     machine,
-    session::{Running, Session, eventually, shared_memory_of},
+    session::{
+        Running, Session,
+        chance::{Chance, setting},
+        eventually, shared_memory_of,
+    },
 };
 use mtj_protocol::{
     member::Role,
@@ -25,27 +29,6 @@ use nix::sys::signal::Signal;
 const SOON: Duration = Duration::from_secs(1);
 /// A process is in its start-up for about so long, ms.
 const STARTUP: u64 = 40;
-
-fn setting(name: &str, default: u64) -> u64 {
-    env::var(name).map_or(default, |value| value.parse().unwrap())
-}
-
-/// Chance (SplitMix64).
-struct Chance(u64);
-
-impl Chance {
-    fn below(&mut self, bound: u64) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (z ^ (z >> 31)) % bound
-    }
-
-    fn wait(&mut self, milliseconds: u64) {
-        thread::sleep(Duration::from_micros(self.below(1000 * milliseconds)));
-    }
-}
 
 /// Somebody on the bus who sees who takes part.
 struct Watch {

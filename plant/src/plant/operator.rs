@@ -75,7 +75,7 @@ struct BeforeSample<'p, 'a, C> {
 }
 
 impl<C: Clock> Changeable for BeforeSample<'_, '_, C> {
-    fn change(&mut self, Change { scenario, links, carried }: Change) {
+    fn change(&mut self, Change { scenario, links, gravity_terms }: Change) {
         let plant = &mut *self.plant;
         // The torque in effect may change here; what was before is integrated first.
         plant.advance(self.time_ns);
@@ -84,7 +84,7 @@ impl<C: Clock> Changeable for BeforeSample<'_, '_, C> {
         plant.set_deadline();
         plant.sensor.set_noise(scenario.noise);
         if scenario.law != plant.scenario.law || scenario.safety != plant.scenario.safety {
-            plant.carried = carried;
+            plant.gravity_terms = gravity_terms;
         }
         plant.header.revision += 1;
         if scenario.law != plant.scenario.law {

@@ -75,11 +75,11 @@ pub enum Answer {
 /// What fails around a role that has joined: said once for each task, counted always. The role
 /// goes on.
 #[derive(Debug, Default)]
-pub struct Survivor(WarnOnce<&'static str>);
+pub struct Tolerance(WarnOnce<&'static str>);
 
-impl Survivor {
+impl Tolerance {
     /// The result of a task or, if it failed, the default.
-    pub fn survive<T: Default>(&mut self, task: &'static str, result: Result<T, BusError>) -> T {
+    pub fn tolerate<T: Default>(&mut self, task: &'static str, result: Result<T, BusError>) -> T {
         result.unwrap_or_else(|error| {
             if self.0.first(task) {
                 tracing::warn!("cannot {task} ({error}); the loop goes on (said once)");

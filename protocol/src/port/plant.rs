@@ -8,8 +8,8 @@ use std::{
 use mtj_model::scenario::{Scenario, Wait};
 
 use super::{
-    Answer, Exchange, Rejections, Survivor, lease::Lease, offer::encode, other_plants::OtherPlants,
-    presence::Presence, sent::SentStates,
+    Answer, Exchange, Rejections, Tolerance, lease::Lease, offer::encode,
+    other_plants::OtherPlants, presence::Presence, sent::SentStates,
 };
 use crate::{
     admission::{self, Admission, AdmissionFilter, Rejection},
@@ -43,7 +43,7 @@ pub struct PlantPort {
     lease: Lease,
     sent: SentStates,
     rejections: Rejections,
-    survivor: Survivor,
+    tolerance: Tolerance,
 }
 
 debug_by_name!(PlantPort);
@@ -72,7 +72,7 @@ impl PlantPort {
             lease: Lease::new(scenario.safety.lease, bus.attendance()?),
             sent: SentStates::new(),
             rejections: Rejections::default(),
-            survivor: Survivor::default(),
+            tolerance: Tolerance::default(),
         })
     }
 
@@ -136,9 +136,9 @@ impl PlantPort {
 
     /// Sends a state.
     fn send_state(&mut self, state: &mut StateSample) {
-        self.survivor.survive("elect a leader", self.lease.decide());
+        self.tolerance.tolerate("elect a leader", self.lease.decide());
         state.leader = self.lease.leader().unwrap_or(0);
-        self.survivor.survive("send states", self.states.expedite(state));
+        self.tolerance.tolerate("send states", self.states.expedite(state));
         // From here on the state is on its way, and its answer takes longer than this.
         self.lease.sent(Instant::now());
         self.sent.record(state);
@@ -146,8 +146,8 @@ impl PlantPort {
 
     /// Makes the state that was sent visible to all readers.
     fn flush(&mut self) {
-        self.survivor.survive("send states", self.states.flush());
-        self.survivor.survive("follow the leader", self.torques.follow());
+        self.tolerance.tolerate("send states", self.states.flush());
+        self.tolerance.tolerate("follow the leader", self.torques.follow());
     }
 
     /// Waits for an answer until `until`.
@@ -175,7 +175,7 @@ impl PlantPort {
             // A new leader need not wait for the next sample.
             let before = self.lease.leader();
             if lapse.is_some() {
-                self.survivor.survive("elect a leader", self.lease.decide());
+                self.tolerance.tolerate("elect a leader", self.lease.decide());
                 if self.lease.leader() != before {
                     let mut state = self.sent.newest;
                     self.send_state(&mut state);
@@ -197,7 +197,7 @@ impl Exchange for PlantPort {
             // A reader that fails at once would leave no processor to the rest.
             thread::sleep(until.saturating_duration_since(Instant::now()).min(PAUSE));
         }
-        Ok(self.survivor.survive("receive torques", received))
+        Ok(self.tolerance.tolerate("receive torques", received))
     }
 
     fn torque(&self) -> &TorqueSample {
@@ -205,17 +205,17 @@ impl Exchange for PlantPort {
     }
 
     fn report(&mut self, status: &StatusSample) -> Result<(), BusError> {
-        self.survivor.survive("offer the scenario", self.offering.serve());
-        self.survivor.survive("publish the presence", self.presence.publish(&status.header));
-        self.survivor.survive("publish the status", self.statuses.write(status));
-        self.survivor.survive("look for other plants", self.other_plants.look());
+        self.tolerance.tolerate("offer the scenario", self.offering.serve());
+        self.tolerance.tolerate("publish the presence", self.presence.publish(&status.header));
+        self.tolerance.tolerate("publish the status", self.statuses.write(status));
+        self.tolerance.tolerate("look for other plants", self.other_plants.look());
         Ok(())
     }
 
     fn request(&mut self) -> Result<Option<RequestSample>, BusError> {
         for _ in 0..bus::STREAM_DEPTH {
             let taken = self.requests.take();
-            let Some(request) = self.survivor.survive("read requests", taken) else { break };
+            let Some(request) = self.tolerance.tolerate("read requests", taken) else { break };
             match admission::check(&request) {
                 Ok(()) if request.header.run == self.run => return Ok(Some(request)),
                 Ok(()) => self.rejections.warn::<RequestSample>(Rejection::Run),
@@ -226,14 +226,14 @@ impl Exchange for PlantPort {
     }
 
     fn announce(&mut self, change: &ChangeSample) -> Result<(), BusError> {
-        self.survivor.survive("answer requests", self.changes.write(change));
+        self.tolerance.tolerate("answer requests", self.changes.write(change));
         Ok(())
     }
 
     fn renew(&mut self, scenario: &Scenario, revision: u32) -> Result<(), BusError> {
         self.lease.reconfigure(scenario.safety.lease);
         let offer = encode(scenario, self.run, revision);
-        self.survivor.survive("offer the scenario", self.offering.renew(offer));
+        self.tolerance.tolerate("offer the scenario", self.offering.renew(offer));
         Ok(())
     }
 

@@ -1,7 +1,9 @@
 //! Sessions of real processes: starts `mtj`, talks to it as a user does, and leaves nothing behind.
 
 pub mod cable;
+pub mod chance;
 pub mod observer;
+pub mod own_controller;
 
 use std::{
     collections::BTreeSet,

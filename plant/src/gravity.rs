@@ -15,14 +15,14 @@ const KEPT: usize = 4096;
 type Gravity = Box<dyn Fn(&Joints) -> Joints + Send>;
 
 /// g(q) at the samples whose commands may be under way.
-pub(crate) struct Carried {
+pub(crate) struct GravityTerms {
     /// `None` where the controller does not balance gravity, or no limit asks for it.
     gravity: Option<Gravity>,
     /// Each at its sample's number modulo their count; none before it is needed.
     kept: Vec<Joints>,
 }
 
-impl Carried {
+impl GravityTerms {
     /// For the commands of a scenario.
     pub(crate) fn new(scenario: &Scenario) -> Self {
         let (law, arm) = (&scenario.law, &scenario.arm);
