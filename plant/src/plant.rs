@@ -335,11 +335,10 @@ impl<'a, C: Clock> Plant<'a, C> {
                 torque: actuator.torque(&truth.velocity),
                 echo: actuator.applied(),
             };
-            match &self.stream {
-                // The run may never begin.
-                _ if row.time == 0.0 => self.first_row = Some(row),
-                Some(stream) => stream.push(row, self.clock.stands_still()),
-                None => {}
+            if time_ns == 0 {
+                self.first_row = Some(row); // The run may never begin.
+            } else if let Some(stream) = &self.stream {
+                stream.push(row, self.clock.stands_still());
             }
             if let Some(trace) = &mut self.trace {
                 trace.push(row);

@@ -18,7 +18,7 @@ pub enum Advice {
     /// The law does not balance gravity.
     #[error(
         "gravity pulls with {torque:.1} N m at joint {joint} and law.kind = \"{law}\" does not balance \
-         it: expect an error that no tuning removes; law.gravity = \"model\" balances it"
+         it: the arm falls before it recovers, if it does; law.gravity = \"model\" balances it"
     )]
     Unbalanced {
         /// The law's name.

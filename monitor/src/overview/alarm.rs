@@ -31,6 +31,11 @@ pub enum Alarm {
 }
 
 impl Alarm {
+    /// Whether it only says that a role has not come yet.
+    pub fn is_about_waiting(&self) -> bool {
+        matches!(self, Self::NoPlant | Self::NoController)
+    }
+
     /// The alarm as a sentence for the user.
     pub fn sentence(&self) -> String {
         match self {

@@ -43,8 +43,8 @@ pub struct RecordingOptions {
         conflicts_with_all = ["overwrite", "record_last"]
     )]
     pub record_split: Option<String>,
-    /// Keep the last seconds in memory, and save them in FILE-0001.mcap, FILE-0002.mcap, … when the
-    /// plant or the controller falls silent, at SIGUSR1, or when the dashboard asks for it
+    /// Keep the last seconds in memory, and save them in FILE-0001.mcap, FILE-0002.mcap, … when an
+    /// alarm begins, at SIGUSR1, or when the dashboard asks for it
     #[arg(long, value_name = "TIME", requires = "record", conflicts_with = "overwrite")]
     pub record_last: Option<String>,
 }

@@ -36,8 +36,8 @@ const MEMORY: usize = 256 << 20;
 /// The shortest time between two warnings about too little memory.
 const WARNING: Duration = Duration::from_secs(5);
 
-/// Keeps the messages of the last seconds in memory, and saves them in a numbered file when the
-/// plant or the controller falls silent, or on request.
+/// Keeps the messages of the last seconds in memory, and saves them in a numbered file when an alarm
+/// begins, or on request.
 ///
 /// A thread of its own writes. While it does, further requests wait. An alarm that begins within
 /// the time that is kept since the last one is saved when that time is over, so that files of
@@ -120,10 +120,7 @@ impl RingRecorder {
 
     /// Notes an alarm that begins. Waiting for a role that has not come yet is none.
     fn watch(&mut self) {
-        let alarm = self
-            .overview
-            .alarm()
-            .filter(|alarm| matches!(alarm, Alarm::PlantSilent(_) | Alarm::ControllerSilent(_)));
+        let alarm = self.overview.alarm().filter(|alarm| !alarm.is_about_waiting());
         let kind = alarm.as_ref().map(mem::discriminant);
         if let Some(alarm) = alarm
             && kind != self.alarm

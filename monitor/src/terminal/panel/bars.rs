@@ -101,10 +101,7 @@ fn memory_and_prediction(
 
 /// The banner of an alarm.
 pub(super) fn banner(picture: &Picture, alarm: Alarm, area: Rect, buf: &mut Buffer) {
-    let tone = match alarm {
-        Alarm::NoPlant | Alarm::NoController => Tone::Waiting,
-        _ => Tone::Alarm,
-    };
+    let tone = if alarm.is_about_waiting() { Tone::Waiting } else { Tone::Alarm };
     buf.set_style(area, picture.palette.style(tone));
     Line::from(alarm.sentence()).centered().style(picture.palette.style(tone)).render(area, buf);
 }
