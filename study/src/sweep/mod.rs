@@ -65,5 +65,6 @@ pub mod lanes;
 pub mod plan;
 mod points;
 pub mod results;
+mod row;
 pub mod rows;
 pub mod runner;

@@ -8,7 +8,7 @@ use std::{
 
 use super::{
     plan::Plan,
-    results::{self, Failures, ResultRow},
+    row::{Failures, ResultRow, columns},
 };
 use crate::error::StudyError;
 
@@ -40,7 +40,7 @@ impl Rows {
             path: path.to_owned(),
             reader: csv::ReaderBuilder::new().has_headers(false).from_reader(file.take(length)),
             length,
-            columns: results::columns(plan),
+            columns: columns(plan),
             points: plan.len(),
             line: 0,
         })
@@ -207,7 +207,7 @@ impl Sorter {
         self.flush()?;
         let mut merged = Merged::default();
         let mut out = BufWriter::new(File::create(path)?);
-        out.write_all(&line(&results::columns(plan))?)?;
+        out.write_all(&line(&columns(plan))?)?;
         let mut rows = BufReader::with_capacity(BLOCK, &self.rows);
         rows.seek(SeekFrom::Start(0))?;
         let (mut position, mut text) = (0, Vec::new());

@@ -228,7 +228,7 @@ pub fn propose(
         gain_limit: bound.limit_of(values.kd),
         memory_reason: arm.explain_memory(&values, wanted),
         threshold_reason: arm.explain_thresholds(&values, wanted, &with_margin),
-        shortfalls: reason::shortfalls(wanted, &verified, &with_margin),
+        shortfalls: verify::shortfalls(wanted, &verified, &with_margin),
         values,
         rejected,
         verified,

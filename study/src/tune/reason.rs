@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{MARGIN, STARTS, VERIFIED_S, Wanted, values::Remedy, verify::Verification};
+use super::{MARGIN, STARTS, VERIFIED_S, values::Remedy};
 use crate::predict::path::Masses;
 
 /// Of K_d T_s/m < 2, which a held damping force needs, half is kept as a margin.
@@ -164,46 +164,6 @@ pub enum Shortfall {
         /// The worst over the median.
         ratio: f64,
     },
-}
-
-/// The measured time constant may be off by this part: the decay is not exactly exponential.
-const NEAR: f64 = 0.25;
-/// Errors that differ by a larger factor are told.
-const ALIKE: f64 = 2.0;
-
-/// How a verified proposal falls short.
-pub(crate) fn shortfalls(
-    wanted: &Wanted,
-    verified: &Verification,
-    with_margin: &Verification,
-) -> Vec<Shortfall> {
-    let tau = wanted.time_constant_s;
-    let time_constant = match verified.time_constant_s {
-        None => Some(Shortfall::Unknown { wanted: tau }),
-        Some(found) if (found / tau - 1.0).abs() > NEAR => {
-            Some(Shortfall::TimeConstant { found, wanted: tau })
-        }
-        Some(_) => None,
-    };
-    let (worst, error) = (verified.worst(), with_margin.worst());
-    // An arm that runs away is a problem of its own.
-    let is_told = |ratio: f64| ratio > ALIKE && ratio.is_finite();
-    let ratio = error / worst;
-    let margin = is_told(ratio).then_some(Shortfall::Margin { error, ratio });
-    let ratio = worst / verified.median_rms_error_m.unwrap_or(worst);
-    let spread = is_told(ratio).then_some(Shortfall::Spread { ratio });
-    let at_length = problem(wanted, verified, with_margin);
-    let at_length = at_length.map(|problem| Shortfall::AtLength { problem });
-    at_length.into_iter().chain(time_constant).chain(margin).chain(spread).collect()
-}
-
-/// The problem with a candidate, at the latency or at [`MARGIN`] times it.
-pub(crate) fn problem(
-    wanted: &Wanted,
-    with_latency: &Verification,
-    with_margin: &Verification,
-) -> Option<Problem> {
-    with_latency.problem(wanted, 1.0).or_else(|| with_margin.problem(wanted, MARGIN))
 }
 
 fn stands(largest: Option<f64>) -> String {

@@ -12,10 +12,10 @@ use mtj_plant::report::Report;
 use super::{
     MARGIN, SEARCHED, Wanted,
     limits::{ArmProperties, Bound},
-    reason::{Rejected, problem},
+    reason::Rejected,
     simulation, trials,
     values::{Remedy, THRESHOLDS, Values, remedies, round, round_down},
-    verify::{self, Verification},
+    verify::{self, Verification, problem},
 };
 use crate::error::StudyError;
 

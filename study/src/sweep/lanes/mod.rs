@@ -23,7 +23,7 @@ use mtj_model::{
 };
 use mtj_plant::report::Report;
 
-use super::results::Measured;
+use super::row::Measured;
 use crate::experiment;
 
 /// The most links that an arm in a lane may have.
