@@ -33,7 +33,7 @@ pub fn scenario(data: &[u8]) {
         check(&changed);
         let timing = (scenario.timing.clock, scenario.timing.integration_step);
         assert_eq!((changed.timing.clock, changed.timing.integration_step), timing);
-        assert_eq!((&changed.arm, &changed.trajectory), (&scenario.arm, &scenario.trajectory));
+        assert_eq!((&changed.arm, changed.task), (&scenario.arm, scenario.task));
     }
 }
 

@@ -9,6 +9,7 @@
 //! | [`arm`] | kinematics, H, C, forward dynamics of an arm; Ĥ and Ĉ of eq. (3) |
 //! | [`task`] | what of the tip is controlled; the tracking error |
 //! | [`trajectory`] | desired motions with exact first and second derivatives |
+//! | [`transition`] | from one of them to another while a loop runs |
 //! | [`JointCount`] | how many joints an arm has, as a value and as a static dimension |
 //! | [`gains`] | the positive definite matrices K_p and K_d |
 //! | [`law`] | the control laws, one file each |
@@ -34,6 +35,7 @@ pub mod spline;
 pub mod table;
 pub mod task;
 pub mod trajectory;
+pub mod transition;
 
 pub use joints::{JointCount, MAX_JOINTS};
 

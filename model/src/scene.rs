@@ -13,7 +13,7 @@ use crate::{
     matrix::padded,
     scenario::{ArmSettings, Scenario},
     task::{self, Task},
-    trajectory::Trajectory,
+    trajectory::{Path, Trajectory},
 };
 
 /// How many points draw the desired path.
@@ -35,7 +35,12 @@ impl Scene {
     /// The scene of a scenario.
     pub fn new(scenario: &Scenario) -> Self {
         let trajectory = scenario.trajectory;
-        Self { arm: scenario.arm.clone(), trajectory, task: scenario.task, path: path(&trajectory) }
+        Self {
+            arm: scenario.arm.clone(),
+            trajectory,
+            task: scenario.task,
+            path: path(trajectory.path),
+        }
     }
 
     /// What of the tip is controlled, with the names and units of its axes.
@@ -98,18 +103,18 @@ fn desired(trajectory: &Trajectory<f64>, time: f64) -> Point {
     [position.x, position.y, 0.0]
 }
 
-fn path(trajectory: &Trajectory<f64>) -> Vec<Point> {
-    let period = match trajectory {
-        Trajectory::Circle(circle) | Trajectory::PerturbedCircle(circle, _) => {
+fn path(path: Path<f64>) -> Vec<Point> {
+    let period = match path {
+        Path::Circle(circle) | Path::PerturbedCircle(circle, _) => {
             TAU / circle.angular_frequency.abs()
         }
-        Trajectory::PointToPoint(line) => line.duration,
-        Trajectory::Points(spline) => spline.points().last().map_or(0.0, |[end, ..]| *end),
+        Path::PointToPoint(line) => line.duration,
+        Path::Points(spline) => spline.points().last().map_or(0.0, |[end, ..]| *end),
     };
     // A circle that stands still has no period.
     let period = if period.is_finite() { period } else { 0.0 };
     let time = |i: usize| period * i as f64 / (PATH_POINTS - 1) as f64;
-    (0..PATH_POINTS).map(|i| desired(trajectory, time(i))).collect()
+    (0..PATH_POINTS).map(|i| desired(&path.into(), time(i))).collect()
 }
 
 #[cfg(test)]

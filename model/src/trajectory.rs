@@ -2,7 +2,7 @@
 
 use nalgebra::{SVector, Vector2};
 
-use crate::{lift, scalar::Scalar, spline::Spline};
+use crate::{lift, scalar::Scalar, spline::Spline, transition::Transition};
 
 /// A desired point with its first and second derivatives, for a task whose points are `P`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,9 +15,18 @@ pub struct Motion<T, P, const M: usize> {
     pub acceleration: SVector<T, M>,
 }
 
-/// A desired path in the plane over time, with exact derivatives.
+/// A desired motion in the plane, with exact derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Trajectory<T> {
+pub struct Trajectory<T> {
+    /// Where it leads.
+    pub path: Path<T>,
+    /// How it came from the motion before, if it was changed while the loop ran.
+    pub transition: Option<Transition<T>>,
+}
+
+/// A path in the plane over time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Path<T> {
     /// A [`Circle`] with a [`Ripple`]: the paper's eq. (18).
     PerturbedCircle(Circle<T>, Ripple<T>),
     /// A plain circle.
@@ -62,7 +71,13 @@ pub struct PointToPoint<T> {
 }
 
 /// A motion in the plane.
-type PlaneMotion<T> = Motion<T, Vector2<T>, 2>;
+pub(crate) type PlaneMotion<T> = Motion<T, Vector2<T>, 2>;
+
+impl<T> From<Path<T>> for Trajectory<T> {
+    fn from(path: Path<T>) -> Self {
+        Self { path, transition: None }
+    }
+}
 
 impl<T: Scalar> Trajectory<T> {
     /// The desired motion at `time` seconds, in a task whose points are positions: its first axes
@@ -79,6 +94,17 @@ impl<T: Scalar> Trajectory<T> {
 
     #[inline(always)]
     fn in_plane(&self, time: T) -> PlaneMotion<T> {
+        match &self.transition {
+            None => self.path.at(time),
+            Some(transition) => transition.add_to(self.path.at(time - transition.shift), time),
+        }
+    }
+}
+
+impl<T: Scalar> Path<T> {
+    /// The motion along it at `time` seconds.
+    #[inline(always)]
+    fn at(&self, time: T) -> PlaneMotion<T> {
         match self {
             Self::Circle(circle) => circle.at(time),
             Self::PerturbedCircle(circle, ripple) => {
@@ -106,6 +132,37 @@ impl<T: Scalar> Trajectory<T> {
 }
 
 impl Trajectory<f64> {
+    /// This path as the one that follows another motion at `time`, s, without a jump of point,
+    /// velocity or acceleration; the way from the one to the other takes `duration`, s.
+    ///
+    /// A circle after a circle goes on at the same angle; any other path begins when it is set.
+    pub fn following(&self, before: &Self, time: f64, duration: f64) -> Self {
+        let path = self.path;
+        if path == before.path {
+            return *before;
+        }
+        let since = time - before.transition.map_or(0.0, |transition| transition.shift);
+        let shift = match (before.path.angular_frequency(), path.angular_frequency()) {
+            (Some(was), Some(is)) if is != 0.0 => time - was * since / is,
+            _ => time,
+        };
+        let from = before.in_plane(time);
+        let transition = Transition::between(&from, &path.at(time - shift), time, duration, shift);
+        Self { path, transition: Some(transition) }
+    }
+}
+
+impl Path<f64> {
+    /// Of a circle, rad/s.
+    fn angular_frequency(&self) -> Option<f64> {
+        match self {
+            Self::Circle(circle) | Self::PerturbedCircle(circle, _) => {
+                Some(circle.angular_frequency)
+            }
+            _ => None,
+        }
+    }
+
     /// Bounds of the distance from the base that the motion keeps, m: it comes no closer than the
     /// first and goes no farther than the second.
     pub fn distances(&self) -> (f64, f64) {
@@ -184,13 +241,14 @@ fn first_axes<T: Scalar, const M: usize>(plane: &Vector2<T>) -> SVector<T, M> {
 }
 
 lift! {
-    enum Trajectory<T> {
+    enum Path<T> {
         PerturbedCircle(circle, ripple),
         Circle(circle),
         PointToPoint(line),
         Points(spline),
     }
 }
+lift! { struct Trajectory<T> { path, transition } }
 lift! { struct Circle<T> { center, radius, angular_frequency, phase } }
 lift! { struct Ripple<T> { amplitude, multiple } }
 lift! { struct PointToPoint<T> { from, to, duration } }
@@ -207,13 +265,14 @@ mod tests {
             phase: std::f64::consts::FRAC_PI_4,
         };
         [
-            Trajectory::PerturbedCircle(circle, Ripple { amplitude: 0.1, multiple: 5.0 }),
-            Trajectory::Circle(circle),
-            Trajectory::PointToPoint(PointToPoint {
+            Path::PerturbedCircle(circle, Ripple { amplitude: 0.1, multiple: 5.0 }).into(),
+            Path::Circle(circle).into(),
+            Path::PointToPoint(PointToPoint {
                 from: Vector2::new(1.0, 0.5),
                 to: Vector2::new(0.2, 1.4),
                 duration: 2.0,
-            }),
+            })
+            .into(),
         ]
     }
 
@@ -243,8 +302,8 @@ mod tests {
             angular_frequency: omega,
             phase: std::f64::consts::FRAC_PI_4,
         };
-        let at = Trajectory::PerturbedCircle(circle, Ripple { amplitude: 0.1, multiple: 5.0 })
-            .at::<2>(t);
+        let ripple = Ripple { amplitude: 0.1, multiple: 5.0 };
+        let at = Trajectory::from(Path::PerturbedCircle(circle, ripple)).at::<2>(t);
         let angle = omega * t + std::f64::consts::FRAC_PI_4;
         let ripple = 0.1 * (5.0 * omega * t).sin();
         assert!((at.point.x - (radius * angle.cos() + ripple)).abs() < 1e-14);
@@ -258,5 +317,54 @@ mod tests {
             let at = line.at::<2>(t);
             assert_eq!((at.point.x, at.velocity.norm(), at.acceleration.norm()), (x, 0.0, 0.0));
         }
+    }
+
+    #[test]
+    fn a_motion_follows_another_without_a_jump_of_point_velocity_or_acceleration() {
+        for before in all() {
+            for after in all().into_iter().filter(|after| after.path != before.path) {
+                let (time, h) = (1.234, 1e-7);
+                let changed = after.following(&before, time, 0.5);
+                let (was, is) = (before.at::<2>(time), changed.at::<2>(time));
+                assert!((was.point - is.point).norm() < 1e-12, "{before:?} {after:?}");
+                assert!((was.velocity - is.velocity).norm() < 1e-12);
+                assert!((was.acceleration - is.acceleration).norm() < 1e-11);
+                let shift = changed.transition.unwrap().shift;
+                let (end, of_path) = (changed.at::<2>(time + 0.5), after.at(time + 0.5 - shift));
+                assert!((end.point - of_path.point).norm() < 1e-12);
+                assert!((end.velocity - of_path.velocity).norm() < 1e-12);
+                assert!((end.acceleration - of_path.acceleration).norm() < 1e-11);
+                for i in 1..10 {
+                    let t = time + 0.0517 * f64::from(i);
+                    let [early, now, late] = [t - h, t, t + h].map(|time| changed.at::<2>(time));
+                    let velocity = (late.point - early.point) / (2.0 * h);
+                    let acceleration = (late.velocity - early.velocity) / (2.0 * h);
+                    assert!((velocity - now.velocity).norm() < 1e-6, "{changed:?} at {t}");
+                    assert!((acceleration - now.acceleration).norm() < 1e-5, "{changed:?} at {t}");
+                }
+                // Changed again on the way, and changed in something else.
+                let again = before.following(&changed, time + 0.2, 0.5);
+                let (was, is) = (changed.at::<2>(time + 0.2), again.at::<2>(time + 0.2));
+                assert!((was.point - is.point).norm() < 1e-12);
+                assert!((was.acceleration - is.acceleration).norm() < 1e-11);
+                assert_eq!(after.following(&changed, time + 0.2, 0.5), changed);
+            }
+        }
+    }
+
+    #[test]
+    fn a_circle_that_turns_faster_goes_on_at_its_angle_and_another_motion_from_its_beginning() {
+        let Path::Circle(circle) = all()[1].path else { panic!() };
+        let faster = Path::Circle(Circle { angular_frequency: 2.6, ..circle });
+        let changed = Trajectory::from(faster).following(&all()[1], 3.0, 1.0);
+        let angle = |time: f64| {
+            let spoke = changed.at::<2>(time).point - circle.center;
+            spoke.y.atan2(spoke.x)
+        };
+        let expected = circle.phase + 1.3 * 3.0 + 2.6 * 2.0;
+        let difference = angle(5.0) - expected;
+        assert!(difference.sin().abs() < 1e-12 && difference.cos() > 0.0);
+        let line = all()[2].following(&all()[1], 3.0, 0.5);
+        assert_eq!(line.at::<2>(4.0).point, all()[2].at::<2>(1.0).point, "half of the way");
     }
 }

@@ -321,7 +321,7 @@ impl<'a, C: Clock> Plant<'a, C> {
         self.header.time_ns = time_ns;
         self.agenda.push(self.sequencer.next_sample_ns(), Event::Sample);
         let truth = self.engine.state();
-        let Tracked { tip, desired, error } = self.tracking.at(&truth);
+        let Tracked { tip, desired, error } = self.tracking.at(&truth, &self.scenario.trajectory);
         self.measures.sample(time_ns, matrix::squared_norm(&SVector::from(error)));
         let actuator = self.sequencer.actuator();
         if self.trace.is_some() || self.stream.is_some() {
@@ -481,7 +481,7 @@ impl<'a, C: Clock> Plant<'a, C> {
             trace: self.trace.unwrap_or_default(),
             round_trips,
             interrupted: self.is_stopped,
-            reset: self.is_reset.then_some(self.scenario),
+            reset: self.is_reset.then(|| self.scenario.anew()),
         }
     }
 }

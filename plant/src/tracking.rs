@@ -6,6 +6,7 @@ use mtj_model::{
     matrix::padded,
     scenario::Scenario,
     task::Task,
+    trajectory::Trajectory,
 };
 use mtj_protocol::sample::Axes;
 use nalgebra::SVector;
@@ -24,15 +25,14 @@ pub(crate) struct Tracked {
 }
 
 /// Computes the true tip of a scenario's arm from its state.
-pub(crate) struct Tracking(Box<dyn Fn(&State) -> Tracked>);
+pub(crate) struct Tracking(Box<dyn Fn(&State, &Trajectory<f64>) -> Tracked>);
 
 impl Tracking {
-    /// With the kinematics of a scenario's arm and its desired motion.
+    /// With the kinematics of a scenario's arm.
     pub(crate) fn new(scenario: &Scenario) -> Self {
-        let trajectory = scenario.trajectory;
         Self(for_joints!(scenario.arm.joints(), N => for_axes!(scenario.task, M => {
             let arm = scenario.arm.build::<N>();
-            Box::new(move |state| {
+            Box::new(move |state, trajectory| {
                 let joints = |list: &[f64]| SVector::<f64, N>::from_column_slice(&list[..N]);
                 let at = Configuration::new(&joints(&state.position), &joints(&state.velocity));
                 let tip: SVector<f64, M> = arm.tip(&at);
@@ -44,8 +44,8 @@ impl Tracking {
         })))
     }
 
-    /// The truth about the tip in a state.
-    pub(crate) fn at(&self, state: &State) -> Tracked {
-        (self.0)(state)
+    /// The truth about the tip in a state, with this desired motion.
+    pub(crate) fn at(&self, state: &State, trajectory: &Trajectory<f64>) -> Tracked {
+        (self.0)(state, trajectory)
     }
 }

@@ -196,6 +196,45 @@ fn a_change_is_in_effect_from_the_sample_it_names_and_offered_before() {
 }
 
 #[test]
+fn a_changed_motion_leaves_the_one_before_without_a_jump_and_travels_with_the_scenario() {
+    let line =
+        "trajectory={kind='point-to-point', from=[0.5, 1.0], to=[1.0, 0.5], duration='200ms'}";
+    let requests = [
+        (30, set(1, &["trajectory.radius=0.8", "trajectory.blend=200ms"])),
+        (45, set(2, &["law.kp=20"])),
+        (50, set(3, &["trajectory.angular_frequency=3.0"])),
+        (75, set(4, &[line])),
+    ];
+    // Samples so short that the motion cannot go far in one.
+    let ran = run(&["timing.sample_period=2ms", "duration=400ms"], &requests, stiff);
+    assert_eq!(ran.changes.len(), 4);
+    let desired: Vec<[f64; 2]> =
+        ran.outcome.trace.iter().map(|row| [row.desired[0], row.desired[1]]).collect();
+    for (sample, points) in desired.windows(4).enumerate() {
+        for axis in 0..2 {
+            let [a, b, c, d] = [0, 1, 2, 3].map(|i| points[i][axis]);
+            // Up to 4 km/s³ on the way; a jump of 1 mm would be one of 125 km/s³.
+            let jerk = (d - 3.0 * c + 3.0 * b - a) / 0.002f64.powi(3);
+            assert!(jerk.abs() < 2e4, "sample {sample}: {jerk} m/s³");
+        }
+    }
+    // What was offered is what the plant goes by: another process reads it from the text.
+    let (revision, last) = ran.offered.last().unwrap();
+    assert_eq!(*revision, 4);
+    let read = Scenario::parse("there", last.text(), &[]).unwrap();
+    assert_eq!(read.trajectory, last.trajectory);
+    assert!(last.trajectory.transition.is_some());
+    let end = desired.last().unwrap();
+    let at = read.trajectory.at::<2>(ran.outcome.trace.last().unwrap().time).point;
+    assert_eq!(*end, [at.x, at.y]);
+    // A change of something else goes on with the motion; a run that begins anew has none to leave.
+    let [_, (_, other), (_, third), _] = &ran.offered[..] else { panic!() };
+    assert_eq!(other.trajectory, ran.offered[0].1.trajectory);
+    assert_ne!(third.trajectory, other.trajectory);
+    assert_eq!(last.anew().trajectory.transition, None);
+}
+
+#[test]
 fn an_impossible_request_is_refused_and_changes_nothing() {
     let through = run(&[], &[], stiff);
     let requests = [

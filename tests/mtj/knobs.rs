@@ -1,6 +1,6 @@
 //! The knobs of a loop that runs in processes of its own, turned from the command line.
 
-use std::process::ExitStatus;
+use std::{process::ExitStatus, thread, time::Duration};
 
 use crate::session::{Session, eventually};
 
@@ -29,15 +29,16 @@ fn a_loop_is_changed_while_it_runs_over(bus: &str) {
         "pause",
         "resume",
         "set law.kind=tj timing.sample_period=5ms",
+        "set trajectory.radius=1.0 trajectory.blend=300ms",
     ] {
         let (status, said) = say(&session, change);
         assert!(status.success(), "{change}: {said}");
         changes.push(sample_of(&said));
     }
     assert!(changes.is_sorted(), "{changes:?}");
-    let heard = eventually("five changes", || {
+    let heard = eventually("six changes", || {
         let lines = monitor.stdout();
-        (lines.matches("changed: ").count() == 5).then_some(lines)
+        (lines.matches("changed: ").count() == 6).then_some(lines)
     });
     for words in ["link.torque.latency=2ms, law.memory.policy=delivered", "kick [-3.0, 1.0]", "tj"]
     {
@@ -45,6 +46,8 @@ fn a_loop_is_changed_while_it_runs_over(bus: &str) {
     }
     eventually("a second under tj", || monitor.stdout().contains(" s  tj ").then_some(()));
     assert!(!controller.has_ended() && !plant.has_ended());
+    // The way to the smaller circle.
+    thread::sleep(Duration::from_millis(400));
     plant.signal(nix::sys::signal::Signal::SIGINT);
     assert!(plant.wait().success(), "{}", plant.stderr());
     let report: serde_json::Value = serde_json::from_str(&plant.stdout()).unwrap();
@@ -60,6 +63,29 @@ fn a_loop_is_changed_while_it_runs_over(bus: &str) {
         (10.0, 5.0),
         "from the very sample that was named"
     );
+    assert_desired_point_does_not_jump(&trace);
+}
+
+/// Looks at the desired point of a trace: from sample to sample it goes no faster than the paper's
+/// circle and the way to another one need.
+fn assert_desired_point_does_not_jump(trace: &str) {
+    let mut lines = trace.lines();
+    let titles: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let columns = ["time_s", "x_desired_m", "y_desired_m"]
+        .map(|title| titles.iter().position(|column| *column == title).unwrap());
+    let rows: Vec<[f64; 3]> = lines
+        .map(|line| {
+            let cells: Vec<&str> = line.split(',').collect();
+            columns.map(|column| cells[column].parse().unwrap())
+        })
+        .collect();
+    let radius = |row: &[f64; 3]| row[1].hypot(row[2]);
+    assert!((radius(rows.last().unwrap()) - 1.0).abs() < 0.15, "on the smaller circle");
+    for pair in rows.windows(2) {
+        let way = (pair[1][1] - pair[0][1]).hypot(pair[1][2] - pair[0][2]);
+        let time = pair[1][0] - pair[0][0];
+        assert!(way <= 8.0 * time, "{way} m in {time} s at {} s", pair[0][0]);
+    }
 }
 
 #[test]

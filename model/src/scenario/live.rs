@@ -1,10 +1,10 @@
 //! Changes to a running loop.
 
-use super::{Override, Scenario, ScenarioError};
+use super::{Override, Scenario, ScenarioError, Template, trajectory};
 
 /// Keys and tables that a running loop can change between two samples. Arm, task and clock stay:
 /// they define the run.
-const LIVE: [&str; 5] = ["law", "link", "safety", "sensor", "timing.sample_period"];
+const LIVE: [&str; 6] = ["law", "link", "safety", "sensor", "timing.sample_period", "trajectory"];
 
 impl Scenario {
     /// This scenario with some keys changed, validated, for a running loop.
@@ -22,6 +22,23 @@ impl Scenario {
                 live: LIVE.join(", ").into(),
             });
         }
-        Self::parse(&self.name, &self.text, sets)
+        let mut template = Template::parse(&self.name, &self.text)?;
+        trajectory::remove_transition(&mut template.table);
+        template.with(sets)
+    }
+
+    /// This scenario for another run from the beginning.
+    pub fn anew(&self) -> Self {
+        self.changed(&[]).unwrap_or_else(|_| self.clone())
+    }
+
+    /// Goes on from `before`, whose place this scenario takes at `time_ns`: its desired motion begins
+    /// where that of `before` is.
+    pub fn follow(&mut self, before: &Self, time_ns: u64) {
+        let (time, duration) = (time_ns as f64 * 1e-9, self.blend.as_secs_f64());
+        self.trajectory = self.trajectory.following(&before.trajectory, time, duration);
+        if let Some(transition) = self.trajectory.transition {
+            self.text.push_str(&transition.to_toml());
+        }
     }
 }

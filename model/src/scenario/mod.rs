@@ -89,6 +89,8 @@ pub struct Scenario {
     pub arm: ArmSettings,
     /// What the tip should do.
     pub trajectory: Trajectory<f64>,
+    /// How long the way to another desired motion takes, if one is set while the loop runs.
+    pub blend: Duration,
     /// What the controller does about it.
     pub law: LawSettings,
     /// When samples are taken.
@@ -193,12 +195,14 @@ impl Scenario {
         let link = Links::read(root.section_or_empty("link")?)?;
         let safety =
             Safety::read(root.section_or_empty("safety")?, arm.links.len(), &timing, &link)?;
+        let (trajectory, blend) = Trajectory::read(root.section("trajectory")?)?;
         let scenario = Self {
             name: name.to_owned(),
             duration,
             seed,
             task,
-            trajectory: Trajectory::read(root.section("trajectory")?)?,
+            trajectory,
+            blend,
             law,
             timing,
             link,

@@ -45,6 +45,11 @@ pub fn reference() -> Vec<KeyTable> {
             "A motion through given points, continuous to the second derivative.",
             trajectory::FILE_KEYS,
         ),
+        table(
+            "trajectory.transition",
+            "Written by a plant whose desired motion was changed while the loop ran.",
+            trajectory::TRANSITION_KEYS,
+        ),
         table("law", "The control law, and what every law has.", &common),
     ];
     tables.extend(LAWS.iter().map(|law| KeyTable {

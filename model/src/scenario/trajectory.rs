@@ -2,6 +2,7 @@
 
 use std::{path::Path, time::Duration};
 
+use nalgebra::Vector2;
 use toml::Table;
 
 use super::{
@@ -15,7 +16,8 @@ use super::{
 use crate::{
     spline::{Order, Spline, TimedPoint},
     table,
-    trajectory::{Circle, PointToPoint, Ripple, Trajectory},
+    trajectory::{Circle, Path as Route, PointToPoint, Ripple, Trajectory},
+    transition::Transition,
 };
 
 const KIND: Parameter = Parameter::new(
@@ -25,8 +27,46 @@ const KIND: Parameter = Parameter::new(
     Required,
     "What the tip should do; a perturbed circle is the paper's eq. (18).",
 );
+const BLEND: Parameter = Parameter::new(
+    "trajectory.blend",
+    Form::Duration(Duration::from_millis(1)),
+    "",
+    Value("\"1 s\""),
+    "How long the way to a motion takes that is set while the loop runs.",
+);
 /// The keys of every trajectory.
-pub(super) const KEYS: &[&Parameter] = &[&KIND];
+pub(super) const KEYS: &[&Parameter] = &[&KIND, &BLEND];
+
+const BEGIN: Parameter = Parameter::new(
+    "trajectory.transition.begin",
+    Form::Number(Range::NotNegative),
+    "s",
+    Required,
+    "When the motion took effect.",
+);
+const TAKES: Parameter = Parameter::new(
+    "trajectory.transition.duration",
+    Form::Number(Range::Positive),
+    "s",
+    Required,
+    "How long the way to it takes.",
+);
+const SHIFT: Parameter = Parameter::new(
+    "trajectory.transition.shift",
+    Form::Number(Range::Any),
+    "s",
+    Required,
+    "How much later than the run the motion's own time begins.",
+);
+const OFFSET: Parameter = Parameter::new(
+    "trajectory.transition.offset",
+    Form::Text("a list of three points [x, y]"),
+    "m, m/s, m/s²",
+    Required,
+    "Motion before − this one at the beginning: point, velocity, acceleration.",
+);
+/// The keys of a motion that was changed while the loop ran.
+pub(super) const TRANSITION_KEYS: &[&Parameter] = &[&BEGIN, &TAKES, &SHIFT, &OFFSET];
 
 const CENTER: Parameter = Parameter::new(
     "trajectory.center",
@@ -124,15 +164,16 @@ enum Kind {
 }
 
 impl Trajectory<f64> {
-    pub(super) fn read(section: Section<'_>) -> Result<Self, ScenarioError> {
+    /// The motion, and how long the way to it takes if it is set while the loop runs.
+    pub(super) fn read(section: Section<'_>) -> Result<(Self, Duration), ScenarioError> {
         let kinds = [Kind::PerturbedCircle, Kind::Circle, Kind::PointToPoint, Kind::File];
-        let trajectory = match section.word(&KIND, &kinds)? {
-            Kind::Circle => Self::Circle(circle(&section)?),
+        let path = match section.word(&KIND, &kinds)? {
+            Kind::Circle => Route::Circle(circle(&section)?),
             Kind::PerturbedCircle => {
                 let circle = circle(&section)?;
-                Self::PerturbedCircle(circle, ripple(section.section("ripple")?)?)
+                Route::PerturbedCircle(circle, ripple(section.section("ripple")?)?)
             }
-            Kind::PointToPoint => Self::PointToPoint(PointToPoint {
+            Kind::PointToPoint => Route::PointToPoint(PointToPoint {
                 from: section.point(&FROM)?.into(),
                 to: section.point(&TO)?.into(),
                 duration: section.duration(&DURATION)?.as_secs_f64(),
@@ -141,11 +182,52 @@ impl Trajectory<f64> {
                 // Loading has put the points in its place.
                 section.text(&SOURCE, |_| true)?;
                 let order = section.word(&ORDER, &[Order::Cubic, Order::Quintic])?;
-                Self::Points(section.get(&POINTS, 1, |value| points(value, order))?)
+                Route::Points(section.get(&POINTS, 1, |value| points(value, order))?)
             }
         };
+        let transition =
+            section.optional_section("transition")?.map(Transition::read).transpose()?;
+        let blend = section.duration(&BLEND)?;
         section.finish()?;
-        Ok(trajectory)
+        Ok((Self { path, transition }, blend))
+    }
+}
+
+impl Transition<f64> {
+    fn read(section: Section<'_>) -> Result<Self, ScenarioError> {
+        let points = |value: &toml::Value| -> Option<[_; 3]> {
+            let points = value.as_array()?.iter().map(|point| section::numbers(point, 2));
+            let points = points.collect::<Option<Vec<_>>>()?.try_into().ok()?;
+            Some(<[Vec<f64>; 3]>::map(points, |point| Vector2::new(point[0], point[1])))
+        };
+        let transition = Self {
+            begin: section.number(&BEGIN)?,
+            duration: section.number(&TAKES)?,
+            shift: section.number(&SHIFT)?,
+            offset: section.get(&OFFSET, 1, points)?,
+        };
+        section.finish()?;
+        Ok(transition)
+    }
+
+    /// Its table, to follow the table of the trajectory.
+    pub(super) fn to_toml(self) -> String {
+        let Self { begin, duration, shift, offset } = self;
+        let [point, velocity, acceleration] =
+            offset.map(|point| format!("[{:?}, {:?}]", point.x, point.y));
+        format!(
+            "\n[{TRANSITION}]\nbegin = {begin:?}\nduration = {duration:?}\nshift = {shift:?}\n\
+             offset = [{point}, {velocity}, {acceleration}]\n"
+        )
+    }
+}
+
+const TRANSITION: &str = "trajectory.transition";
+
+/// Takes the transition out of a scenario's table.
+pub(super) fn remove_transition(root: &mut Table) {
+    if let Some(table) = root.get_mut("trajectory").and_then(toml::Value::as_table_mut) {
+        table.remove("transition");
     }
 }
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 use nalgebra::SVector;
 
 use super::{Gravity, LinkSettings, Scenario, duration, error::ScenarioError, section::Section};
-use crate::{arm::Arm, for_joints, law::Equation, trajectory::Trajectory};
+use crate::{arm::Arm, for_joints, law::Equation, trajectory::Path};
 
 /// How many points of a path are looked at.
 const POINTS: u32 = 256;
@@ -88,7 +88,7 @@ impl Scenario {
             distance <= reach * (1.0 + MARGIN) && distance >= closest * (1.0 - MARGIN)
         };
         // Most paths lie inside as a whole, and a study checks a million of them.
-        let (least, most) = self.trajectory.distances();
+        let (least, most) = self.trajectory.path.distances();
         if is_inside(least) && is_inside(most) {
             return Ok(());
         }
@@ -100,9 +100,9 @@ impl Scenario {
                     "a path that the arm can reach, {closest:.3} m to {reach:.3} m from its base; at t = \
                      {time:.2} s it is {distance:.3} m away"
                 );
-                let key = match self.trajectory {
-                    Trajectory::PointToPoint(_) => "to",
-                    Trajectory::Points(_) => "points",
+                let key = match self.trajectory.path {
+                    Path::PointToPoint(_) => "to",
+                    Path::Points(_) => "points",
                     _ => "radius",
                 };
                 return Err(root.section("trajectory")?.refuse(key, expected));

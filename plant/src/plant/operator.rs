@@ -75,10 +75,11 @@ struct BeforeSample<'p, 'a, C> {
 }
 
 impl<C: Clock> Changeable for BeforeSample<'_, '_, C> {
-    fn change(&mut self, Change { scenario, links, gravity_terms }: Change) {
+    fn change(&mut self, Change { mut scenario, links, gravity_terms }: Change) {
         let plant = &mut *self.plant;
         // The torque in effect may change here; what was before is integrated first.
         plant.advance(self.time_ns);
+        scenario.follow(&plant.scenario, self.time_ns);
         let velocity = plant.engine.state().velocity;
         plant.sequencer.reconfigure(&scenario, links, self.time_ns, &velocity);
         plant.set_deadline();

@@ -22,7 +22,7 @@ use mtj_model::{
     matrix::padded,
     scenario::MemoryPolicy,
     task::Previous,
-    trajectory::{PointToPoint, Trajectory},
+    trajectory::{Path, PointToPoint},
 };
 use nalgebra::{DMatrix, DVector, SVector, Vector2};
 
@@ -53,7 +53,7 @@ const ITERATIONS: usize = 16_384;
 const WINDOW: usize = 64;
 
 /// The desired motion: rest at the origin.
-const REST: Trajectory<f64> = Trajectory::PointToPoint(PointToPoint {
+const REST: Path<f64> = Path::PointToPoint(PointToPoint {
     from: Vector2::new(0.0, 0.0),
     to: Vector2::new(0.0, 0.0),
     duration: 1.0,
@@ -98,7 +98,7 @@ impl<const M: usize> LinearLoop<M> {
             precomputed: None,
         };
         let arm = PointMass { mass: self.model_mass };
-        let responder = Responder { arm, trajectory: REST, law: self.law };
+        let responder = Responder { arm, trajectory: REST.into(), law: self.law };
         let mut unseen = [0.0; MAX_SIGNALS];
         responder.respond(0.0, &[state.x, state.v], &context, &mut unseen).command.torque
     }
