@@ -8,7 +8,7 @@ use mtj_model::{
 };
 use mtj_protocol::sample::{Joints, TorqueSample};
 
-use crate::engine::Drive;
+use crate::{engine::Drive, sequencer::nanoseconds};
 
 /// A torque with its echo, on its way to the arm or in effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,8 +41,11 @@ impl Command {
 #[derive(Clone, Debug)]
 pub struct Actuator<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
     limit: [f64; N],
-    /// How much the torque of a joint may change from command to command, N m.
-    step_limit: Option<[f64; N]>,
+    /// How fast the torque of a joint may change, N m/s.
+    rate_limit: Option<[f64; N]>,
+    period_ns: u64,
+    /// When the newest command took effect, ns.
+    applied_ns: u64,
     on_timeout: OnTimeout,
     drive: Drive<N>,
     /// The part of the drive's torque that balances gravity, N m.
@@ -66,7 +69,9 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
     pub fn new(scenario: &Scenario) -> Self {
         Self {
             limit: limits(scenario),
-            step_limit: step_limits(scenario),
+            rate_limit: rate_limits(scenario),
+            period_ns: nanoseconds(scenario.timing.sample_period),
+            applied_ns: 0,
             on_timeout: scenario.safety.on_timeout,
             drive: Drive::Torque([0.0; _]),
             gravity: [0.0; _],
@@ -87,7 +92,8 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
     pub fn reconfigure(&mut self, scenario: &Scenario, time_ns: u64, velocity: &[f64; N]) {
         self.integrate(time_ns);
         self.limit = limits(scenario);
-        self.step_limit = step_limits(scenario);
+        self.rate_limit = rate_limits(scenario);
+        self.period_ns = nanoseconds(scenario.timing.sample_period);
         self.on_timeout = scenario.safety.on_timeout;
         if self.has_timed_out {
             // What a brake exerts now is what may be held from now on.
@@ -107,8 +113,9 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
     ///
     /// A torque over a joint's limit is scaled down with all others and with the echo: the
     /// direction at the tip stays, and what is echoed is what was in effect. One that changes by
-    /// more than the rate limit allows goes a part of the way from what acts now, on all joints the
-    /// same part, and so does the echo.
+    /// more than the rate limit allows since the command before, though for no longer than a sample
+    /// period, goes a part of the way from what acts now, on all joints the same part, and so does
+    /// the echo.
     #[inline(always)]
     pub fn apply(&mut self, command: &Command<N, E>, time_ns: u64, velocity: &[f64; N]) -> bool {
         let Command { sequence, sampled_ns, torque, gravity, echo, echo_count } = command;
@@ -116,12 +123,16 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
             return false;
         }
         self.integrate(time_ns);
-        self.newest = Some(*sequence);
+        let is_first = self.newest.replace(*sequence).is_none();
         self.latency_ns = time_ns.saturating_sub(*sampled_ns);
         let (mut torque, mut echo) = self.limited(torque, gravity, echo);
-        if let Some(limit) = &self.step_limit {
+        if let Some(rates) = &self.rate_limit {
             let from = self.torque(velocity);
-            let part = part_of_step(&from, &torque, limit);
+            // What came before the first command changed nothing for a period at least.
+            let since_ns =
+                if is_first { u64::MAX } else { time_ns.saturating_sub(self.applied_ns) };
+            let seconds = since_ns.min(self.period_ns) as f64 * 1e-9;
+            let part = part_of_step(&from, &torque, rates, seconds);
             for (to, from) in torque.iter_mut().zip(&from) {
                 *to = from + (*to - from) * part;
             }
@@ -131,6 +142,7 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         }
         (self.drive, self.gravity, self.echo) = (Drive::Torque(torque), *gravity, echo);
         self.echo_count = *echo_count;
+        self.applied_ns = time_ns;
         self.has_timed_out = false;
         true
     }
@@ -263,17 +275,20 @@ fn limits<const N: usize>(scenario: &Scenario) -> [f64; N] {
     limit
 }
 
-/// The rate limit times the sample period.
-fn step_limits<const N: usize>(scenario: &Scenario) -> Option<[f64; N]> {
+fn rate_limits<const N: usize>(scenario: &Scenario) -> Option<[f64; N]> {
     let rates = scenario.safety.torque_rate_limit.as_ref()?;
-    let period = scenario.timing.sample_period.as_secs_f64();
-    Some(std::array::from_fn(|joint| rates.get(joint).map_or(f64::INFINITY, |rate| rate * period)))
+    Some(std::array::from_fn(|joint| rates.get(joint).copied().unwrap_or(f64::INFINITY)))
 }
 
-/// Which part of the way `from` one torque `to` another no joint's limit forbids.
-fn part_of_step<const N: usize>(from: &[f64; N], to: &[f64; N], limit: &[f64; N]) -> f64 {
+/// Which part of the way `from` one torque `to` another no joint's rate forbids in so many seconds.
+fn part_of_step<const N: usize>(
+    from: &[f64; N],
+    to: &[f64; N],
+    rates: &[f64; N],
+    seconds: f64,
+) -> f64 {
     let steps = from.iter().zip(to).map(|(from, to)| (to - from).abs());
-    steps.zip(limit).fold(1.0, |part, (step, limit)| f64::min(part, limit / step))
+    steps.zip(rates).fold(1.0, |part, (step, rate)| f64::min(part, rate * seconds / step))
 }
 
 /// How many sampling instants a memory step spans, with those at both ends and a new one.

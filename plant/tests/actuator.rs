@@ -83,6 +83,21 @@ fn a_rate_limit_takes_all_joints_and_the_echo_the_same_part_of_the_way() {
 }
 
 #[test]
+fn commands_that_come_together_do_not_change_the_torque_faster_than_its_rate() {
+    // 100 N m/s: 1 N m in a sample period of 10 ms. Late commands come all at once.
+    let mut actuator = actuator(&["safety.torque_rate_limit=100.0"]);
+    let mut held = |sequence, at_ms: u64| {
+        actuator.apply(&command(sequence, [20.0, 0.0], [8.0, 0.0]), at_ms * MS, &REST);
+        actuator.torque(&REST)[0]
+    };
+    for (sequence, at_ms, expected) in
+        [(0, 0, 1.0), (1, 40, 2.0), (2, 41, 2.1), (3, 41, 2.1), (4, 43, 2.3), (5, 53, 3.3)]
+    {
+        assert!((held(sequence, at_ms) - expected).abs() < 1e-12, "command {sequence}");
+    }
+}
+
+#[test]
 fn a_command_after_a_timeout_begins_at_what_acts_then() {
     let mut actuator = actuator(&[
         "safety.torque_rate_limit=100.0",

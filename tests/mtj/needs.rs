@@ -72,7 +72,8 @@ macro_rules! needs {
 }
 pub(crate) use needs;
 
-fn is_root() -> bool {
+/// Whether this is root.
+pub fn is_root() -> bool {
     fs::metadata("/proc/self").is_ok_and(|process| process.uid() == 0)
 }
 

@@ -2,6 +2,7 @@
 
 pub mod cable;
 pub mod chance;
+pub mod holdings;
 pub mod observer;
 pub mod own_controller;
 
