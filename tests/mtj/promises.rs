@@ -2,7 +2,9 @@
 //! the promise; docs/failures.md has the rules.
 
 use std::{
-    fs,
+    fs::{self, OpenOptions},
+    io::Write,
+    os::unix::fs::OpenOptionsExt,
     process::Command,
     thread,
     time::{Duration, Instant},
@@ -15,7 +17,8 @@ use serde_json::Value;
 use crate::{
     needs::needs,
     session::{
-        Running, Session, eventually, free_port, observer::Observer, own_controller::OwnController,
+        MTJ, Running, Session, eventually, free_port, observer::Observer,
+        own_controller::OwnController,
     },
 };
 
@@ -429,4 +432,46 @@ fn roles_that_spin_on_one_processor_wait_in_a_way_that_lets_the_other_run() {
     let (status, said) = say(&session, &format!("{run} --cpu 0,0"));
     assert_eq!(status, Some(2), "{said}");
     assert!(said.contains("--cpu 0,0") && said.contains("--wait hybrid"), "{said}");
+}
+
+#[test]
+fn terminals_that_take_no_output_hold_up_no_role() {
+    let session = Session::on("iceoryx2");
+    let made = Command::new("mkfifo").arg(session.directory.join("held")).status();
+    assert!(made.unwrap().success());
+    // A terminal that the user has stopped: whatever is written to it waits.
+    let mut held = OpenOptions::new()
+        .read(true)
+        .write(true)
+        .custom_flags(nix::libc::O_NONBLOCK)
+        .open(session.directory.join("held"))
+        .unwrap();
+    while held.write(&[b'.'; 4096]).is_ok() {}
+    while held.write(b".").is_ok() {}
+    let start = |command: &str, redirection: &str| {
+        let bus = format!("--session {} --bus iceoryx2", session.name);
+        session
+            .start_program("sh", &["-c", &format!("exec {MTJ} {command} {bus} {redirection}held")])
+    };
+    let mut monitor = start("monitor --record run.mcap", ">");
+    let mut plant = start(&format!("{PLANT} --set safety.command_timeout=100ms"), "2>");
+    let mut observer = Observer::join(&session);
+    for timeouts in 1..=2 {
+        let controller = session.start("controller");
+        observer.hear_torques(100);
+        drop(controller);
+        // This makes the plant say something.
+        observer.until("the safe state", |observer| {
+            (observer.status.timeouts == timeouts).then_some(())
+        });
+    }
+    plant.signal(Signal::SIGINT);
+    assert!(plant.wait().success());
+    let report: Value = serde_json::from_str(&plant.stdout()).unwrap();
+    assert_eq!(report["stalls"], 0, "{report}");
+    assert_eq!(report["timeouts"], 2, "{report}");
+    monitor.signal(Signal::SIGINT);
+    assert!(monitor.wait().success(), "{}", monitor.stderr());
+    let said = monitor.stderr();
+    assert!(said.contains("; 0 messages dropped, 0 states missed"), "{said}");
 }

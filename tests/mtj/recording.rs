@@ -333,6 +333,22 @@ fn the_last_seconds_are_saved_at_a_signal_and_when_the_controller_falls_silent()
 }
 
 #[test]
+fn a_stop_of_the_arm_saves_the_last_seconds() {
+    let session = Session::on("iceoryx2");
+    let mut monitor = session.start("monitor --record run.mcap --record-last 2s");
+    let _plant = session.start("plant --scenario sampled/mtj --set duration=60s");
+    let _controller = session.start("controller");
+    eventually("the loop", || monitor.stdout().contains("mtj").then_some(()));
+    let mut set = session.start("set safety.speed_limit=[0.1,0.1]");
+    assert!(set.wait().success(), "{}", set.stderr());
+    eventually("a saved file", || monitor.stderr().contains("monitor: saved ").then_some(()));
+    let said = finish(&mut monitor);
+    assert!(said.contains("a joint left its limits") && said.contains("saving the last"), "{said}");
+    let [file] = &recordings(&session)[..] else { panic!("{said}") };
+    assert_eq!(replay(&session, file, &[])["differing"], 0);
+}
+
+#[test]
 fn a_monitor_that_takes_every_tenth_sample_and_some_topics_says_that_it_missed_none() {
     let session = Session::on("iceoryx2");
     let (mut monitor, file) = start_recording(&session, " --every 10 --topics state,error");
