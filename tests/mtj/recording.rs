@@ -339,7 +339,7 @@ fn a_stop_of_the_arm_saves_the_last_seconds() {
     let _plant = session.start("plant --scenario sampled/mtj --set duration=60s");
     let _controller = session.start("controller");
     eventually("the loop", || monitor.stdout().contains("mtj").then_some(()));
-    let mut set = session.start("set safety.speed_limit=[0.1,0.1]");
+    let mut set = session.start("set safety.position_max=[0.1,3.0]");
     assert!(set.wait().success(), "{}", set.stderr());
     eventually("a saved file", || monitor.stderr().contains("monitor: saved ").then_some(()));
     let said = finish(&mut monitor);
