@@ -7,7 +7,7 @@ use mtj::{
     Controller, Scenario, engine,
     model::{
         arm::Kinematics,
-        law::{Command, Description, Equation, Per, Signal, Signals, Situation},
+        law::{Command, Description, Equation, Per, Signal, Signals, Situation, State},
     },
     run, run_with,
 };
@@ -37,6 +37,7 @@ const SATURATED: Description = Description {
         range: None,
     },
     has_memory: false,
+    has_state: false,
     signals: &[],
 };
 
@@ -44,6 +45,7 @@ impl Equation<f64, 2> for Saturated {
     fn command<A: Kinematics<f64, N, 2>, const N: usize>(
         &self,
         now: &Situation<'_, f64, A, N, 2>,
+        _: &mut State<f64>,
         _: &mut Signals<f64>,
     ) -> Command<f64, N> {
         let spring = now.error.position.map(|e| self.bound * (self.kp * e / self.bound).tanh());

@@ -8,7 +8,7 @@ use mtj_model::{
         planar::{Configuration, PlanarArm},
     },
     for_axes, for_joints,
-    law::{Description, Equation},
+    law::{Description, Equation, State},
     lift::Lift,
     scenario::{Horizon, Scenario},
     task::Previous,
@@ -20,7 +20,7 @@ use nalgebra::SVector;
 use crate::{
     memory::Memory,
     prediction,
-    responder::{Context, Responder, Response},
+    responder::{Context, Measured, Responder, Response},
 };
 
 /// A law with its memory, ready to answer states.
@@ -102,7 +102,7 @@ impl Controller {
     /// use mtj_controller::Controller;
     /// use mtj_model::{
     ///     arm::Kinematics,
-    ///     law::{Command, Description, Equation, Per, Signal, Signals, Situation},
+    ///     law::{Command, Description, Equation, Per, Signal, Signals, Situation, State},
     ///     scenario::Scenario,
     /// };
     /// use mtj_protocol::sample::StateSample;
@@ -127,6 +127,7 @@ impl Controller {
     ///         range: None,
     ///     },
     ///     has_memory: false,
+    ///     has_state: false,
     ///     signals: &[],
     /// };
     ///
@@ -134,6 +135,7 @@ impl Controller {
     ///     fn command<A: Kinematics<f64, N, 2>, const N: usize>(
     ///         &self,
     ///         now: &Situation<'_, f64, A, N, 2>,
+    ///         _: &mut State<f64>,
     ///         _: &mut Signals<f64>,
     ///     ) -> Command<f64, N> {
     ///         let force = now.error.position * self.stiffness;
@@ -259,6 +261,8 @@ trait Respond {
 
 /// What a controller knows from earlier samples.
 struct History {
+    law: &'static str,
+    state: State<f64>,
     memory: Option<Memory>,
     /// When the last sample was taken, s.
     time: f64,
@@ -289,6 +293,7 @@ struct ArmController<const N: usize, const M: usize, L> {
     horizon: Option<Horizon>,
     balances_gravity: bool,
     previous: Previous<f64, M>,
+    state: State<f64>,
     sample_period_ns: u64,
     echo_count: u64,
     /// The desired motion at an instant to come, s.
@@ -303,9 +308,14 @@ impl<const N: usize, const M: usize, L> ArmController<N, M, L> {
         history: Option<History>,
     ) -> Self {
         let settings = &scenario.law;
+        let mut state = [0.0; _];
         let (memory, previous) = match history {
             None => (None, Previous::none()),
-            Some(History { memory, time, velocity }) => {
+            Some(History { law, state: known, memory, time, velocity }) => {
+                // Another law has another state.
+                if law == description.name {
+                    state = known;
+                }
                 (memory, Previous { time, velocity: SVector::from_fn(|i, _| velocity[i]) })
             }
         };
@@ -320,6 +330,7 @@ impl<const N: usize, const M: usize, L> ArmController<N, M, L> {
             horizon: settings.prediction,
             balances_gravity: settings.balances_gravity(&scenario.arm),
             previous,
+            state,
             sample_period_ns: scenario.timing.sample_period.as_nanos() as u64,
             echo_count: description.echo.per.count(N, M) as u64,
             precomputed: None,
@@ -328,6 +339,7 @@ impl<const N: usize, const M: usize, L> ArmController<N, M, L> {
 
     fn forget(&mut self) {
         self.previous = Previous::none();
+        self.state = [0.0; _];
         if let Some(memory) = &mut self.memory {
             memory.forget();
         }
@@ -361,9 +373,10 @@ impl<const N: usize, const M: usize, L: Equation<f64, M>> Respond for ArmControl
             echo,
             precomputed: self.precomputed,
         };
+        let measured = Measured { time, position: &q, velocity: &q_dot, at: &at };
         let shown = &mut answered.error;
         let Response { mut command, error, tip, .. } =
-            self.responder.respond(time, &at, &context, &mut shown.signals);
+            self.responder.respond(&measured, &context, &mut self.state, &mut shown.signals);
         if self.balances_gravity {
             command.torque += self.responder.arm.gravity(&q);
         }
@@ -402,7 +415,8 @@ impl<const N: usize, const M: usize, L: Equation<f64, M>> Respond for ArmControl
 
     fn history(&self) -> History {
         let Previous { time, velocity } = self.previous;
-        History { memory: self.memory, time, velocity: padded(velocity.as_slice()) }
+        let (law, state) = (self.name, self.state);
+        History { law, state, memory: self.memory, time, velocity: padded(velocity.as_slice()) }
     }
 }
 

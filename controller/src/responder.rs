@@ -3,13 +3,15 @@
 use mtj_model::{
     MAX_AXES,
     arm::{Kinematics, planar::PlanarArm},
-    law::{Command, Echo, Equation, Law, Signals, Situation},
+    law::{Command, Echo, Equation, Law, Signals, Situation, State},
     lift,
     scalar::Scalar,
     scenario::Scenario,
     task::{Previous, Task, Tip, TrackingError},
     trajectory::{Motion, Trajectory},
 };
+
+use nalgebra::SVector;
 
 use crate::prediction;
 
@@ -28,6 +30,19 @@ pub struct Responder<T, A, const M: usize, L = Law<T, M>> {
 }
 
 lift! { struct Responder<T, A, M> { arm, trajectory, law } }
+
+/// An arm with `N` joints as it was measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Measured<'a, T, C, const N: usize> {
+    /// When, s.
+    pub time: T,
+    /// q, rad.
+    pub position: &'a SVector<T, N>,
+    /// q̇, rad/s.
+    pub velocity: &'a SVector<T, N>,
+    /// The configuration there.
+    pub at: &'a C,
+}
 
 /// What an answer needs besides the measured configuration.
 #[derive(Clone, Copy, Debug)]
@@ -74,18 +89,19 @@ impl<const N: usize, const M: usize, L> Responder<f64, PlanarArm<f64, N>, M, L> 
 }
 
 impl<T: Scalar, A, const M: usize, L: Equation<T, M>> Responder<T, A, M, L> {
-    /// The law's answer to the configuration measured at `time`, s, and its signals.
+    /// The law's answer to what was measured, and its signals. Brings the law's state up to it.
     #[inline(always)]
     pub fn respond<const N: usize>(
         &self,
-        time: T,
-        at: &A::Configuration,
+        measured: &Measured<'_, T, A::Configuration, N>,
         context: &Context<'_, T, A::Point, M>,
+        state: &mut State<T>,
         signals: &mut Signals<T>,
     ) -> Response<T, A::Point, N, M>
     where
         A: Kinematics<T, N, M>,
     {
+        let Measured { time, position, velocity, at } = *measured;
         let tip = Tip { time, point: self.arm.tip(at), velocity: self.arm.tip_velocity(at) };
         let acceleration = tip.acceleration_since(&context.previous);
         let aim = match context.horizon {
@@ -99,13 +115,16 @@ impl<T: Scalar, A, const M: usize, L: Equation<T, M>> Responder<T, A, M, L> {
         let error = TrackingError::between(&desired, &aim);
         let now = Situation {
             arm: &self.arm,
+            position,
+            velocity,
             at,
             desired: &desired,
             error: &error,
             acceleration: &acceleration,
+            interval: tip.interval_since(&context.previous),
             memory: context.echo,
         };
-        let command = self.law.command(&now, signals);
+        let command = self.law.command(&now, state, signals);
         Response { command, desired, error, tip }
     }
 }

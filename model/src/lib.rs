@@ -43,5 +43,7 @@ pub use joints::{JointCount, MAX_JOINTS};
 pub const MAX_AXES: usize = 6;
 /// The most numbers in a law's echo.
 pub const MAX_ECHO: usize = 7;
+/// The most numbers that a law keeps from sample to sample.
+pub const MAX_STATE: usize = 16;
 /// The most numbers in a law's signals.
 pub const MAX_SIGNALS: usize = 14;

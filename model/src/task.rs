@@ -97,6 +97,12 @@ pub struct Tip<T, P, const M: usize> {
 }
 
 impl<T: Scalar, P: Task<T, M>, const M: usize> Tip<T, P, M> {
+    /// t_k − t_{k−1} since an earlier sample, s; zero where there was none.
+    #[inline(always)]
+    pub fn interval_since(&self, previous: &Previous<T, M>) -> T {
+        previous.time.where_below(self.time, self.time - previous.time, T::zero())
+    }
+
     /// a = (v_k − v_{k−1})/(t_k − t_{k−1}) since an earlier sample, m/s²; zero where there was
     /// none.
     #[inline(always)]

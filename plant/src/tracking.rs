@@ -25,7 +25,9 @@ pub(crate) struct Tracked {
 }
 
 /// Computes the true tip of a scenario's arm from its state.
-pub(crate) struct Tracking(Box<dyn Fn(&State, &Trajectory<f64>) -> Tracked>);
+pub(crate) struct Tracking(Box<Track>);
+
+type Track = dyn Fn(&State, &Trajectory<f64>) -> Tracked;
 
 impl Tracking {
     /// With the kinematics of a scenario's arm.

@@ -19,6 +19,8 @@ pub struct Description {
     pub echo: Signal,
     /// Whether the law uses the echo as its memory.
     pub has_memory: bool,
+    /// Whether the law keeps a state of its own.
+    pub has_state: bool,
     /// What displays show beside the tracking error, in the order of the wire.
     pub signals: &'static [Signal],
 }

@@ -3,7 +3,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation, Unsuited,
+    Command, Declaration, Equation, Signals, Situation, State, Unsuited,
     describe::{Description, Parameter, Per, Signal},
     mass,
     tj::{FORCE, KD, KP},
@@ -62,6 +62,7 @@ impl Declaration for ModelBased<f64, MAX_AXES> {
         parameters: &[KP_OF_ACCELERATION, KD_OF_ACCELERATION, mass::SCALE],
         echo: FORCE,
         has_memory: false,
+        has_state: false,
         signals: &[DAMPING],
     };
 
@@ -98,6 +99,7 @@ impl<T: Scalar, const M: usize> Equation<T, M> for ModelBased<T, M> {
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
         now: &Situation<'_, T, A, N, M>,
+        _: &mut State<T>,
         signals: &mut Signals<T>,
     ) -> Command<T, N> {
         let (dynamics, damping) = task_dynamics(now);

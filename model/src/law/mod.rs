@@ -1,9 +1,9 @@
 //! The control laws, one file each, and their registry.
 //!
 //! A law turns a [`Situation`], what is known at a sampling instant, into a [`Command`], joint
-//! torques and an echo, and into [`Signals`] to show. A law keeps no state. What it needs of the
-//! sample before travels as the echo: the plant holds it with the torque, scales it with the
-//! torque, and returns it. So memory and prediction work for every law.
+//! torques and an echo, and into [`Signals`] to show. What it needs of the command before travels as
+//! the echo: the plant holds it with the torque, scales it with the torque, and returns it. So memory
+//! and prediction work for every law. Integrals and estimates are its [`State`].
 //!
 //! To add a law that scenarios can name, write a file like `tj.rs` and add one line to `register!`
 //! below. Settings and their validation, the name on the wire and in print, recordings, displays
@@ -17,9 +17,9 @@
 //!
 //! ```
 //! use mtj_model::{
-//!     MAX_SIGNALS,
+//!     MAX_SIGNALS, MAX_STATE,
 //!     arm::{Arm, Kinematics, point_mass::PointMass},
-//!     law::{Command, Equation, Signals, Situation},
+//!     law::{Command, Equation, Signals, Situation, State},
 //!     task::TrackingError,
 //!     trajectory::Motion,
 //! };
@@ -39,6 +39,7 @@
 //!     fn command<A: Kinematics<f64, N, M>, const N: usize>(
 //!         &self,
 //!         now: &Situation<'_, f64, A, N, M>,
+//!         _: &mut State<f64>,
 //!         _: &mut Signals<f64>,
 //!     ) -> Command<f64, N> {
 //!         let spring = now.error.position.map(|e| self.bound * (self.kp * e / self.bound).tanh());
@@ -53,14 +54,17 @@
 //! let error: TrackingError<f64, 2> = TrackingError { position: desired.point, velocity: zero };
 //! let now = Situation {
 //!     arm: &arm,
+//!     position: &zero,
+//!     velocity: &zero,
 //!     at: &at,
 //!     desired: &desired,
 //!     error: &error,
 //!     acceleration: &zero,
+//!     interval: 0.01,
 //!     memory: None,
 //! };
 //! let law = Saturated { kp: 30.0, kd: 60.0, bound: 20.0 };
-//! let torque: SVector<f64, 2> = law.command(&now, &mut [0.0; MAX_SIGNALS]).torque;
+//! let torque: SVector<f64, 2> = law.command(&now, &mut [0.0; MAX_STATE], &mut [0.0; MAX_SIGNALS]).torque;
 //! assert!((torque.x - 0.03).abs() < 1e-6, "a spring for small errors");
 //! assert!((torque.y - 20.0).abs() < 1e-6, "never more than the bound");
 //! ```
@@ -78,7 +82,7 @@ use nalgebra::{SMatrix, SVector};
 pub use describe::{Description, Parameter, Per, Signal};
 
 use crate::{
-    MAX_AXES, MAX_ECHO, MAX_SIGNALS,
+    MAX_AXES, MAX_ECHO, MAX_SIGNALS, MAX_STATE,
     arm::Kinematics,
     lift,
     matrix::{self, padded},
@@ -90,6 +94,9 @@ use crate::{
 
 /// Numbers that a law sends with its torque and gets back; those past the law's own are zero.
 pub type Echo<T> = [T; MAX_ECHO];
+/// What a law keeps from sample to sample: integrals, estimates; zeros before the first and after an
+/// outage. Numbers past the law's own stay zero.
+pub type State<T> = [T; MAX_STATE];
 /// A law's signals for displays, one after the other as its description lists them.
 pub type Signals<T> = [T; MAX_SIGNALS];
 
@@ -98,7 +105,11 @@ pub type Signals<T> = [T; MAX_SIGNALS];
 pub struct Situation<'a, T: Scalar, A: Kinematics<T, N, M>, const N: usize, const M: usize> {
     /// The arm, as far as the controller's model knows it.
     pub arm: &'a A,
-    /// Its configuration, as measured.
+    /// Joint positions q, rad, as measured.
+    pub position: &'a SVector<T, N>,
+    /// Joint velocities q̇, rad/s, as measured.
+    pub velocity: &'a SVector<T, N>,
+    /// The configuration there.
     pub at: &'a A::Configuration,
     /// The desired motion at the instant that the law aims at.
     pub desired: &'a Motion<T, A::Point, M>,
@@ -106,6 +117,8 @@ pub struct Situation<'a, T: Scalar, A: Kinematics<T, N, M>, const N: usize, cons
     pub error: &'a TrackingError<T, M>,
     /// a, the mean acceleration of the tip over the last sample, m/s²; zero at the first.
     pub acceleration: &'a SVector<T, M>,
+    /// Since the sample before, s; zero at the first.
+    pub interval: T,
     /// The echo that the memory holds; `None` at the first sample.
     pub memory: Option<&'a Echo<T>>,
 }
@@ -156,11 +169,12 @@ fn recalled<T: Scalar, const M: usize>(echo: &Echo<T>) -> SVector<T, M> {
 pub trait Equation<T: Scalar, const M: usize>: Copy {
     /// Computes joint torques and echo from a situation.
     ///
-    /// Writes the law's signals into `signals`, the same entries at every call; entries past its
+    /// Brings `state` from the sample before to this one. Writes the law's signals into `signals`, the same entries at every call; entries past its
     /// last signal stay as they are. Runs between state and torque: no allocation, no lock, no I/O.
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
         now: &Situation<'_, T, A, N, M>,
+        state: &mut State<T>,
         signals: &mut Signals<T>,
     ) -> Command<T, N>;
 
@@ -246,10 +260,11 @@ macro_rules! register {
             fn command<A: Kinematics<T, N, M>, const N: usize>(
                 &self,
                 now: &Situation<'_, T, A, N, M>,
+                state: &mut State<T>,
                 signals: &mut Signals<T>,
             ) -> Command<T, N> {
                 match self {
-                    $(Self::$variant(law) => law.command(now, signals),)*
+                    $(Self::$variant(law) => law.command(now, state, signals),)*
                 }
             }
 

@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation, Unsuited,
+    Command, Declaration, Equation, Signals, Situation, State, Unsuited,
     describe::{Default, Description, Form, Parameter},
     factor::{self, Factor, WithMemory},
     mass::{self, Mass},
@@ -65,6 +65,7 @@ impl Declaration for ModifiedTransposeJacobian<f64, MAX_AXES> {
         ],
         echo: FORCE,
         has_memory: true,
+        has_state: false,
         signals: factor::SIGNALS,
     };
 
@@ -106,6 +107,7 @@ impl<T: Scalar, const M: usize> Equation<T, M> for ModifiedTransposeJacobian<T, 
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
         now: &Situation<'_, T, A, N, M>,
+        _: &mut State<T>,
         signals: &mut Signals<T>,
     ) -> Command<T, N> {
         let memory = now.memory.map(recalled);

@@ -1,7 +1,7 @@
 //! Time-delay control.
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation, Unsuited,
+    Command, Declaration, Equation, Signals, Situation, State, Unsuited,
     describe::{Default, Description, Parameter},
     factor::{self, Factor},
     mass::{self, Mass},
@@ -63,6 +63,7 @@ impl Declaration for TimeDelay<f64, MAX_AXES> {
         ],
         echo: FORCE,
         has_memory: true,
+        has_state: false,
         signals: factor::SIGNALS,
     };
 
@@ -85,6 +86,7 @@ impl<T: Scalar, const M: usize> Equation<T, M> for TimeDelay<T, M> {
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
         now: &Situation<'_, T, A, N, M>,
+        _: &mut State<T>,
         signals: &mut Signals<T>,
     ) -> Command<T, N> {
         let wanted = now.desired.acceleration - now.acceleration

@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation,
+    Command, Declaration, Equation, Signals, Situation, State,
     describe::{Default, Description, Form, Parameter, Per, Signal},
 };
 use crate::{
@@ -67,6 +67,7 @@ impl Declaration for TransposeJacobian<f64, MAX_AXES> {
         parameters: &[KP, KD],
         echo: FORCE,
         has_memory: false,
+        has_state: false,
         signals: &[],
     };
 
@@ -88,6 +89,7 @@ impl<T: Scalar, const M: usize> Equation<T, M> for TransposeJacobian<T, M> {
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
         now: &Situation<'_, T, A, N, M>,
+        _: &mut State<T>,
         _: &mut Signals<T>,
     ) -> Command<T, N> {
         Command::of_task_force(&now.jacobian(), &self.task_force(now.error))

@@ -14,9 +14,9 @@
 //! delivered   its mean over the period that ends at t_k:  φ F_{k−n−2} + (1−φ) F_{k−n−1}
 //! ```
 
-use mtj_controller::responder::{Context, Responder};
+use mtj_controller::responder::{Context, Measured, Responder};
 use mtj_model::{
-    MAX_SIGNALS,
+    MAX_SIGNALS, MAX_STATE,
     arm::point_mass::PointMass,
     law::Law,
     matrix::padded,
@@ -99,8 +99,10 @@ impl<const M: usize> LinearLoop<M> {
         };
         let arm = PointMass { mass: self.model_mass };
         let responder = Responder { arm, trajectory: REST.into(), law: self.law };
-        let mut unseen = [0.0; MAX_SIGNALS];
-        responder.respond(0.0, &[state.x, state.v], &context, &mut unseen).command.torque
+        let at = [state.x, state.v];
+        let measured = Measured { time: 0.0, position: &state.x, velocity: &state.v, at: &at };
+        let (mut kept, mut unseen) = ([0.0; MAX_STATE], [0.0; MAX_SIGNALS]);
+        responder.respond(&measured, &context, &mut kept, &mut unseen).command.torque
     }
 
     /// The state one period on.

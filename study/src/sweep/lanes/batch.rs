@@ -1,13 +1,14 @@
 //! The loops of all lanes, moved together.
 
-use mtj_controller::responder::{Context, Responder, Response};
+use mtj_controller::responder::{Context, Measured, Responder, Response};
 use mtj_model::{
-    MAX_SIGNALS,
+    MAX_SIGNALS, MAX_STATE,
     arm::{
         Arm, Kinematics,
         planar::{Configuration, PlanarArm},
     },
     lanes::Lanes,
+    law::State,
     lift::Lift,
     matrix::{self, padded},
     task::{Previous, Task},
@@ -34,6 +35,8 @@ pub(crate) struct Batch<'a, 'b, T: Lanes, const N: usize, const M: usize, const 
     arms: DormandPrince<T, PlanarArm<T, N>, N>,
     responder: Responder<T, PlanarArm<T, N>, M>,
     previous: Previous<T, M>,
+    state: State<T>,
+    has_state: bool,
     has_noise: bool,
     predicts: bool,
     balances_gravity: bool,
@@ -64,6 +67,8 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
             arms: DormandPrince::new(some.arm.build::<N>().lift::<T, M>()),
             responder: Responder::of(some).lift::<T, M>(),
             previous: Previous::none(),
+            state: [T::zero(); _],
+            has_state: some.law.law.description().has_state,
             has_noise: some.noise > 0.0,
             predicts: some.law.prediction.is_some(),
             balances_gravity: some.law.balances_gravity(&some.arm),
@@ -125,6 +130,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
                         arm.build::<N>().put::<T, M>(&mut self.arms.arm, lane);
                         Responder::of(scenario).put::<T, M>(&mut self.responder, lane);
                         self.previous.time.set(lane, f64::INFINITY);
+                        put(&mut self.state, lane, &[0.0; MAX_STATE]);
                         self.loops[lane] =
                             Place { lane: Some(new), is_waiting: true, delivered_ns: None };
                     }
@@ -237,13 +243,25 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
             precomputed: None,
         };
         let mut unseen = [T::zero(); MAX_SIGNALS];
-        let mut response = self.responder.respond(samples.time, &at, &context, &mut unseen);
+        let measured = Measured {
+            time: samples.time,
+            position: &samples.position,
+            velocity: &samples.velocity,
+            at: &at,
+        };
+        let mut state = self.state;
+        let mut response = self.responder.respond(&measured, &context, &mut state, &mut unseen);
         if self.balances_gravity {
             self.gravity = self.responder.arm.gravity(&samples.position);
             response.command.torque += self.gravity;
         }
         let heard = |new: T, old: T| T::zero().where_below(samples.is_heard, new, old);
         self.previous.time = heard(response.tip.time, self.previous.time);
+        if self.has_state {
+            for (old, new) in self.state.iter_mut().zip(state) {
+                *old = heard(new, *old);
+            }
+        }
         for axis in 0..M {
             self.previous.velocity[axis] =
                 heard(response.tip.velocity[axis], self.previous.velocity[axis]);
