@@ -7,7 +7,10 @@
 //!
 //! The scalar reference is [`crate::engine`].
 
-use mtj_model::{arm::Arm, lanes::Lanes};
+use mtj_model::{
+    arm::{Arm, friction::Friction},
+    lanes::Lanes,
+};
 use nalgebra::SVector;
 
 /// The longest step, s: longer than any sample period that a loop is closed with.
@@ -24,6 +27,8 @@ const CAUTION: f64 = 0.9;
 pub struct DormandPrince<T: Lanes, A: Arm<T, N>, const N: usize> {
     /// The arms.
     pub arm: A,
+    /// What resists their joints, if anything does.
+    pub friction: Option<Friction<T, N>>,
     /// The most that the estimated error of a step may be: Σ over the joints of the errors of q in
     /// rad and of q̇ in rad/s.
     pub tolerance: T,
@@ -45,10 +50,11 @@ pub struct DormandPrince<T: Lanes, A: Arm<T, N>, const N: usize> {
 impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
     /// Arms that stand still at zero.
     #[inline(always)]
-    pub fn new(arm: A) -> Self {
+    pub fn new(arm: A, friction: Option<Friction<T, N>>) -> Self {
         let zero = SVector::zeros();
         Self {
             arm,
+            friction,
             tolerance: T::one(),
             position: zero,
             velocity: zero,
@@ -85,10 +91,13 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         &self.configuration
     }
 
-    /// q̈ under the torque in effect, rad/s².
+    /// q̈ under the torque in effect at joint velocities q̇, rad/s².
     #[inline(always)]
-    fn acceleration(&self, at: &A::Configuration) -> SVector<T, N> {
-        self.arm.acceleration(at, &self.torque)
+    fn acceleration(&self, at: &A::Configuration, velocity: &SVector<T, N>) -> SVector<T, N> {
+        match &self.friction {
+            None => self.arm.acceleration(at, &self.torque),
+            Some(friction) => self.arm.acceleration(at, &(self.torque + friction.torque(velocity))),
+        }
     }
 
     /// The rate of change a step `h` along a mean rate, and angles and configuration there.
@@ -97,7 +106,8 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         let position = self.position + mean.velocity * h;
         let velocity = self.velocity + mean.acceleration * h;
         let at = A::configuration(&position, &velocity);
-        (Rate { velocity, acceleration: self.acceleration(&at) }, position, at)
+        let acceleration = self.acceleration(&at, &velocity);
+        (Rate { velocity, acceleration }, position, at)
     }
 
     /// Tries a step towards the next event in every lane that has not reached it. Where the
@@ -109,8 +119,8 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         let steps = steps.where_below(T::one(), T::one(), steps);
         let h = self.remaining / steps;
 
-        let start =
-            Rate { velocity: self.velocity, acceleration: self.acceleration(&self.configuration) };
+        let acceleration = self.acceleration(&self.configuration, &self.velocity);
+        let start = Rate { velocity: self.velocity, acceleration };
         let k1 = &start;
         let (k2, ..) = &self.stage(h, sum([(1.0 / 5.0, k1)]));
         let (k3, ..) = &self.stage(h, sum([(3.0 / 40.0, k1), (9.0 / 40.0, k2)]));

@@ -73,6 +73,7 @@
 //! assert_eq!(gantry.jacobian(&at) * at[1], gantry.tip_velocity(&at));
 //! ```
 
+pub mod friction;
 pub mod planar;
 pub mod point_mass;
 

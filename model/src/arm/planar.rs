@@ -39,6 +39,8 @@ pub struct PlanarArm<T, const N: usize> {
     /// First moment of everything that link i carries, kg m.
     moment: [T; N],
     gravity: Vector2<T>,
+    /// Reflected inertia of the rotors, kg m².
+    armature: Option<[T; N]>,
 }
 
 impl<T: Scalar, const N: usize> PlanarArm<T, N> {
@@ -62,7 +64,16 @@ impl<T: Scalar, const N: usize> PlanarArm<T, N> {
                 coupling[j][i] = coupling[i][j];
             }
         }
-        Self { lengths: links.map(|link| link.length), coupling, moment, gravity }
+        let lengths = links.map(|link| link.length);
+        Self { lengths, coupling, moment, gravity, armature: None }
+    }
+}
+
+impl<T, const N: usize> PlanarArm<T, N> {
+    /// The same arm with rotors of these inertias, kg m², as its gears reflect them to its joints:
+    /// they turn with the joints, and add to the diagonal of H.
+    pub fn with_rotors(self, armature: [T; N]) -> Self {
+        Self { armature: Some(armature), ..self }
     }
 }
 
@@ -144,6 +155,11 @@ impl<T: Scalar, const N: usize> Arm<T, N> for PlanarArm<T, N> {
                 h[(i, j)] += outer;
             }
         }
+        if let Some(armature) = &self.armature {
+            for i in 0..N {
+                h[(i, i)] += armature[i];
+            }
+        }
         h
     }
 
@@ -167,7 +183,19 @@ impl<T: Scalar, const N: usize> Arm<T, N> for PlanarArm<T, N> {
                 force[i] -= torque[i + 1];
             }
         }
-        let mut out = matrix::solve_positive_definite(&self.absolute_inertia(at), &force);
+        let mut inertia = self.absolute_inertia(at);
+        if let Some(armature) = &self.armature {
+            // A rotor turns by the difference of two absolute angles.
+            for i in 0..N {
+                inertia[(i, i)] += armature[i];
+                if i > 0 {
+                    inertia[(i - 1, i - 1)] += armature[i];
+                    inertia[(i - 1, i)] -= armature[i];
+                    inertia[(i, i - 1)] -= armature[i];
+                }
+            }
+        }
+        let mut out = matrix::solve_positive_definite(&inertia, &force);
         for i in (1..N).rev() {
             let inner = out[i - 1];
             out[i] -= inner;
@@ -267,7 +295,7 @@ impl<T: Scalar, const N: usize> PlanarArm<T, N> {
     }
 }
 
-lift! { struct PlanarArm<T; N> { lengths, coupling, moment, gravity } }
+lift! { struct PlanarArm<T; N> { lengths, coupling, moment, gravity, armature } }
 
 #[inline(always)]
 fn first_axes<T: Scalar, const M: usize>(all: &[T; 3]) -> SVector<T, M> {

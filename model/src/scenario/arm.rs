@@ -5,6 +5,7 @@ use std::ops::{Deref, DerefMut};
 use nalgebra::{DMatrix, SMatrix, SVector, Vector2};
 
 use super::{
+    FrictionSettings,
     error::ScenarioError,
     key::{
         Default::{Required, Value, Words},
@@ -49,8 +50,16 @@ const GRAVITY: Parameter = Parameter::new(
     Value("[0.0, 0.0]"),
     "Gravitational acceleration in the plane of the arm; [0, -9.81] stands it upright.",
 );
+const ARMATURE: Parameter = Parameter::new(
+    "arm.armature",
+    Form::JointList(Range::NotNegative),
+    "kg m²",
+    Words("none"),
+    "Inertia of the rotors, reflected by their gears: on the diagonal of H, in the plant and in the \
+     controller's model.",
+);
 /// The keys of `arm` itself.
-pub(super) const KEYS: &[&Parameter] = &[&KIND, &POSITION, &VELOCITY, &GRAVITY];
+pub(super) const KEYS: &[&Parameter] = &[&KIND, &POSITION, &VELOCITY, &GRAVITY, &ARMATURE];
 
 const LENGTH: Parameter = Parameter::new(
     "arm.links[].length",
@@ -90,6 +99,10 @@ pub struct ArmSettings {
     pub links: Chain,
     /// Gravitational acceleration in the plane, m/s².
     pub gravity: Vector2<f64>,
+    /// Reflected inertia of each rotor, kg m²; `None` if they have none.
+    pub armature: Option<Vec<f64>>,
+    /// What resists the joints; `None` if nothing does.
+    pub friction: Option<FrictionSettings>,
     /// Initial joint angles, rad; as many as links.
     pub position: Vec<f64>,
     /// Initial joint velocities, rad/s; as many as links.
@@ -140,7 +153,10 @@ impl ArmSettings {
             |key| Ok(arm.optional_list(key, count)?.unwrap_or_else(|| vec![0.0; count]));
         let (position, velocity) = (per_joint(&POSITION)?, per_joint(&VELOCITY)?);
         let gravity = Vector2::from(arm.point(&GRAVITY)?);
-        let settings = Self { links, gravity, position, velocity };
+        let armature = arm.one_or_each(&ARMATURE, count)?;
+        let armature = armature.filter(|rotors| rotors.iter().any(|inertia| *inertia > 0.0));
+        let friction = FrictionSettings::read(arm.section_or_empty("friction")?, count)?;
+        let settings = Self { links, gravity, armature, friction, position, velocity };
         if for_joints!(settings.joints(), N => for_axes!(task, M => settings.is_singular::<N, M>()))
         {
             return Err(arm.refuse(
@@ -160,7 +176,11 @@ impl ArmSettings {
 
     /// The arm with static dimensions; `N` is the number of links.
     pub fn build<const N: usize>(&self) -> PlanarArm<f64, N> {
-        PlanarArm::new(&std::array::from_fn(|i| self.links[i]), self.gravity)
+        let arm = PlanarArm::new(&std::array::from_fn(|i| self.links[i]), self.gravity);
+        match &self.armature {
+            None => arm,
+            Some(rotors) => arm.with_rotors(std::array::from_fn(|i| rotors[i])),
+        }
     }
 
     /// The same arm with all masses and inertias multiplied by `mass_scale`.
@@ -169,6 +189,9 @@ impl ArmSettings {
         for link in arm.links.iter_mut() {
             link.mass *= mass_scale;
             link.inertia *= mass_scale;
+        }
+        for inertia in arm.armature.iter_mut().flatten() {
+            *inertia *= mass_scale;
         }
         arm
     }

@@ -4,7 +4,8 @@ use super::{Override, Scenario, ScenarioError, Template, trajectory};
 
 /// Keys and tables that a running loop can change between two samples. Arm, task and clock stay:
 /// they define the run.
-const LIVE: [&str; 6] = ["law", "link", "safety", "sensor", "timing.sample_period", "trajectory"];
+const LIVE: [&str; 7] =
+    ["law", "link", "safety", "sensor", "timing.sample_period", "trajectory", "arm.friction"];
 
 impl Scenario {
     /// This scenario with some keys changed, validated, for a running loop.

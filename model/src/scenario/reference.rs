@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::{
-    DURATION, NOISE, SEED, TASK, arm, bus,
+    DURATION, NOISE, SEED, TASK, arm, bus, friction,
     key::{Default, Parameter},
     law::{GRAVITY, MEMORY, PREDICTION},
     link, safety, timing, trajectory,
@@ -36,6 +36,11 @@ pub fn reference() -> Vec<KeyTable> {
         table("task", "What of the tip is controlled.", &[&TASK]),
         table("arm", "The arm and its initial state.", arm::KEYS),
         table("arm.links", "One to seven entries, base first.", arm::LINK_KEYS),
+        table(
+            "arm.friction",
+            "What resists the joints; absent unless one of its torques is given. No controller's model has it.",
+            friction::KEYS,
+        ),
         table("trajectory", "The desired motion of the tip.", trajectory::KEYS),
         table("trajectory: circle, perturbed-circle", "", trajectory::CIRCLE_KEYS),
         table("trajectory.ripple: perturbed-circle", "", trajectory::RIPPLE_KEYS),

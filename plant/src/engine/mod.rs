@@ -79,6 +79,8 @@ pub trait Engine {
     fn advance(&mut self, time_ns: u64, drive: &Drive);
     /// The true state at the instant that was advanced to.
     fn state(&self) -> State;
+    /// Takes what may change in a running loop, like friction, from a changed scenario.
+    fn reconfigure(&mut self, _: &Scenario) {}
     /// Adds a disturbance torque, N m, to the drive from now on; its work is no part of the energy.
     fn disturb(&mut self, torque: Joints);
 }

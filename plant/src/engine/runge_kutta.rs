@@ -3,9 +3,10 @@
 use mtj_model::{
     arm::{
         Arm,
+        friction::Friction,
         planar::{Configuration, PlanarArm},
     },
-    scenario::ArmSettings,
+    scenario::{ArmSettings, FrictionSettings, Scenario},
 };
 use mtj_protocol::sample::{Joints, padded};
 use nalgebra::SVector;
@@ -20,9 +21,13 @@ struct Integrated<const N: usize> {
     energy: f64,
 }
 
+/// Which part of the time in which friction stops a joint a step takes at most.
+const HELD_BACK: f64 = 0.5;
+
 /// The arm of a scenario, integrated in equal steps no longer than the integration step.
 pub(super) struct RungeKutta<const N: usize> {
     arm: PlanarArm<f64, N>,
+    friction: Option<Friction<f64, N>>,
     state: Integrated<N>,
     disturbance: SVector<f64, N>,
     time_ns: u64,
@@ -37,19 +42,43 @@ impl<const N: usize> RungeKutta<N> {
             velocity: SVector::from_fn(|i, _| arm.velocity[i]),
             energy: 0.0,
         };
-        Self { arm: arm.build(), state, disturbance: SVector::zeros(), time_ns: 0, step_ns }
+        let friction = arm.friction.as_ref().map(FrictionSettings::build);
+        Self {
+            arm: arm.build(),
+            friction,
+            state,
+            disturbance: SVector::zeros(),
+            time_ns: 0,
+            step_ns,
+        }
     }
 
     /// The state's rate of change.
     fn rate(&self, state: &Integrated<N>, drive: &Drive) -> Integrated<N> {
         let torque = SVector::from_fn(|i, _| drive.torque(i, state.velocity[i]));
         let at = Configuration::new(&state.position, &state.velocity);
-        let all = torque + self.disturbance;
+        let mut all = torque + self.disturbance;
+        if let Some(friction) = &self.friction {
+            all += friction.torque(&state.velocity);
+        }
         Integrated {
             position: state.velocity,
             velocity: self.arm.acceleration(&at, &all),
             energy: torque.component_mul(&state.velocity).abs().sum(),
         }
+    }
+
+    /// The longest step with which friction is integrated without swinging, s: a part of the time in
+    /// which it stops a joint.
+    fn longest_step(&self, friction: &Friction<f64, N>) -> f64 {
+        let at = Configuration::new(&self.state.position, &self.state.velocity);
+        let rest = self.arm.acceleration(&at, &SVector::zeros());
+        let steepest = friction.steepest();
+        let rates = (0..N).map(|joint| {
+            let unit = SVector::from_fn(|i, _| if i == joint { 1.0 } else { 0.0 });
+            steepest[joint] * (self.arm.acceleration(&at, &unit) - rest)[joint]
+        });
+        HELD_BACK / rates.sum::<f64>()
     }
 
     fn step(&mut self, h: f64, drive: &Drive) {
@@ -79,8 +108,12 @@ impl<const N: usize> Engine for RungeKutta<N> {
         if span == 0 {
             return;
         }
-        let steps = span.div_ceil(self.step_ns);
-        let h = span as f64 * 1e-9 / steps as f64;
+        let seconds = span as f64 * 1e-9;
+        let mut steps = span.div_ceil(self.step_ns);
+        if let Some(friction) = &self.friction {
+            steps = steps.max((seconds / self.longest_step(friction)).ceil() as u64);
+        }
+        let h = seconds / steps as f64;
         for _ in 0..steps {
             self.step(h, drive);
         }
@@ -94,6 +127,10 @@ impl<const N: usize> Engine for RungeKutta<N> {
             velocity: padded(self.state.velocity.as_slice()),
             energy: self.state.energy,
         }
+    }
+
+    fn reconfigure(&mut self, scenario: &Scenario) {
+        self.friction = scenario.arm.friction.as_ref().map(FrictionSettings::build);
     }
 
     fn disturb(&mut self, torque: Joints) {

@@ -83,6 +83,7 @@ impl<C: Clock> Changeable for BeforeSample<'_, '_, C> {
         let velocity = plant.engine.state().velocity;
         plant.sequencer.reconfigure(&scenario, links, self.time_ns, &velocity);
         plant.set_deadline();
+        plant.engine.reconfigure(&scenario);
         plant.sensor.set_noise(scenario.noise);
         if scenario.law != plant.scenario.law || scenario.safety != plant.scenario.safety {
             plant.gravity_terms = gravity_terms;

@@ -11,6 +11,7 @@ use mtj_model::{
     law::State,
     lift::Lift,
     matrix::{self, padded},
+    scenario::FrictionSettings,
     task::{Previous, Task},
 };
 use mtj_plant::dormand_prince::DormandPrince;
@@ -64,7 +65,10 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
         let mut batch = Self {
             next: 0,
             loops: (0..T::COUNT).map(|_| Place::default()).collect(),
-            arms: DormandPrince::new(some.arm.build::<N>().lift::<T, M>()),
+            arms: DormandPrince::new(
+                some.arm.build::<N>().lift::<T, M>(),
+                some.arm.friction.as_ref().map(|friction| friction.build::<N>().lift::<T, M>()),
+            ),
             responder: Responder::of(some).lift::<T, M>(),
             previous: Previous::none(),
             state: [T::zero(); _],
@@ -128,6 +132,8 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
                         let tolerance = scenario.timing.tolerance.unwrap_or(1.0);
                         self.arms.place(lane, &arm.position, &arm.velocity, tolerance);
                         arm.build::<N>().put::<T, M>(&mut self.arms.arm, lane);
+                        let friction = arm.friction.as_ref().map(FrictionSettings::build::<N>);
+                        friction.put::<T, M>(&mut self.arms.friction, lane);
                         Responder::of(scenario).put::<T, M>(&mut self.responder, lane);
                         self.previous.time.set(lane, f64::INFINITY);
                         put(&mut self.state, lane, &[0.0; MAX_STATE]);

@@ -19,7 +19,7 @@ mod lane;
 use mtj_model::{
     lanes::{Lanes, Width, Work},
     lift::{Lift, Shape},
-    scenario::{ClockKind, Scenario},
+    scenario::{ClockKind, FrictionSettings, Scenario},
 };
 use mtj_plant::report::Report;
 
@@ -53,6 +53,9 @@ pub fn shape(scenario: &Scenario) -> Option<BatchShape> {
     in_lanes.then(|| {
         let mut formulas = Shape::new();
         scenario.trajectory.shape(&mut formulas);
+        formulas.push(u8::from(scenario.arm.armature.is_some()));
+        let friction = scenario.arm.friction.as_ref().map(FrictionSettings::build::<1>);
+        friction.shape(&mut formulas);
         scenario.law.law.shape(&mut formulas);
         let (law, arm) = (&scenario.law, &scenario.arm);
         let choices = [law.prediction.is_some(), law.balances_gravity(arm), scenario.noise > 0.0];
