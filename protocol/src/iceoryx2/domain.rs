@@ -22,6 +22,7 @@ use std::{
 use iceoryx2::prelude::{
     Config, FileName, Node, NodeBuilder, SemanticString as _, SignalHandlingMode, ipc,
 };
+use nix::fcntl::{FallocateFlags, fallocate};
 
 use super::{
     error::{AttemptError, SharedMemoryError, failure},
@@ -228,19 +229,15 @@ impl Domain {
         &self.root
     }
 
-    /// Allocates the part of a publisher's segment that it uses first, one `share`-th of it, so
-    /// that the loop does not run out of memory later. Only this process writes to the segment.
-    pub(super) fn reserve(&self, publisher: u128, share: usize) -> io::Result<()> {
+    /// Allocates as much of a publisher's segment as this part of its readers can hold back, so that
+    /// the publisher does not run out of memory later, when it could only be ended for it.
+    pub(super) fn reserve(&self, publisher: u128, readers: Part) -> io::Result<()> {
         let end = format!("_{publisher}.data");
         let is_ours = |name: &str| name.starts_with(&self.prefix) && name.ends_with(&end);
         for (_, entry) in entries(Path::new(SEGMENTS)).filter(|(name, _)| is_ours(name)) {
             let segment = OpenOptions::new().read(true).write(true).open(entry.path())?;
-            let length = segment.metadata()?.len() / share as u64;
-            let mut page = [0; 4096];
-            for offset in (0..length).step_by(page.len()) {
-                let read = segment.read_at(&mut page, offset)?;
-                segment.write_all_at(&page[..read], offset)?;
-            }
+            let length = segment.metadata()?.len() * readers.count as u64 / readers.most as u64;
+            fallocate(&segment, FallocateFlags::empty(), 0, length as i64)?;
         }
         Ok(())
     }
@@ -254,6 +251,13 @@ impl Domain {
             }
         }
     }
+}
+
+/// A part of the readers that a topic may have.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Part {
+    pub(super) count: usize,
+    pub(super) most: usize,
 }
 
 /// Cleans up when it is dropped: the last thing that a process does that leaves.

@@ -25,6 +25,7 @@ mod slot;
 use std::{
     any::Any,
     cell::RefCell,
+    io,
     os::fd::BorrowedFd,
     rc::Rc,
     sync::Arc,
@@ -46,7 +47,7 @@ use nix::poll::{PollFd, PollFlags, ppoll};
 
 pub use self::error::SharedMemoryError;
 use self::{
-    domain::{CleanupOnDrop, Domain, Locked},
+    domain::{CleanupOnDrop, Domain, Locked, Part},
     error::{ServiceError, failure},
     members::Members,
     resources::MAX_OFFER,
@@ -178,13 +179,13 @@ impl Session {
     }
 
     fn write_end<S: Sample>(&self) -> Result<WriteEnd<S>, ServiceError> {
-        let publisher = self
-            .service::<S>()?
+        let service = self.service::<S>()?;
+        let publisher = service
             .publisher_builder()
             .max_loaned_samples(1)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()?;
-        self.domain.reserve(publisher.id().value(), MAX_READERS)?;
+        self.reserve(&service)?;
         let slot = match S::CLOSES_THE_LOOP {
             true => Some(SlotWriter::create(&self.node, &self.slot_name::<S>(publisher.id())?)?),
             false => None,
@@ -199,7 +200,9 @@ impl Session {
         buffer: usize,
         listens: bool,
     ) -> Result<ReadEnd<S>, ServiceError> {
-        let subscriber = self.service::<S>()?.subscriber_builder().buffer_size(buffer).create()?;
+        let service = self.service::<S>()?;
+        let subscriber = service.subscriber_builder().buffer_size(buffer).create()?;
+        self.reserve(&service)?;
         let listener = match listens {
             true => Some(self.event_service(S::TOPIC)?.listener_builder().create()?),
             false => None,
@@ -207,10 +210,28 @@ impl Session {
         Ok(ReadEnd { subscriber, listener })
     }
 
+    /// Reserves the memory of a topic's writers for all of its readers.
+    fn reserve<S: Sample>(
+        &self,
+        service: &publish_subscribe::PortFactory<ipc::Service, S, ()>,
+    ) -> io::Result<()> {
+        let topic = service.dynamic_config();
+        let count = topic.number_of_subscribers().clamp(1, MAX_READERS);
+        let mut writers = Vec::new();
+        topic.list_publishers(|writer| {
+            writers.push(writer.publisher_id.value());
+            CallbackProgression::Continue
+        });
+        for writer in writers {
+            self.domain.reserve(writer, Part { count, most: MAX_READERS })?;
+        }
+        Ok(())
+    }
+
     fn offer_end(&self) -> Result<Publisher<ipc::Service, [u8], ()>, ServiceError> {
         let service = self.offer_service()?;
         let publisher = service.publisher_builder().initial_max_slice_len(MAX_OFFER).create()?;
-        self.domain.reserve(publisher.id().value(), MAX_NODES)?;
+        self.domain.reserve(publisher.id().value(), Part { count: 1, most: MAX_NODES })?;
         Ok(publisher)
     }
 }
