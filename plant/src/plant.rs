@@ -162,7 +162,7 @@ impl<'a, C: Clock> Plant<'a, C> {
             header,
             engine,
             tracking: Tracking::new(scenario),
-            sensor: Sensor::new(scenario.noise, scenario.seed),
+            sensor: Sensor::new(scenario),
             gravity_terms: GravityTerms::new(scenario),
             agenda: Agenda::new(),
             sequencer: Sequencer::new(scenario)?,
@@ -344,7 +344,7 @@ impl<'a, C: Clock> Plant<'a, C> {
                 trace.push(row);
             }
         }
-        let (position, velocity) = self.sensor.measure(truth.position, truth.velocity);
+        let (position, velocity) = self.sensor.measure(time_ns, truth.position, truth.velocity);
         self.gravity_terms.note(self.header.sequence, &position);
         StateSample {
             header: self.header,

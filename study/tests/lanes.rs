@@ -65,6 +65,9 @@ variants = [
     { name = "limited", set = { "safety.torque_limit" = [14, 7], "trajectory.radius" = 1.3 } },
     { name = "carried", set = { "arm.gravity" = [0.0, -9.81], "law.gravity" = "model", "safety.torque_limit" = [80, 40] } },
     { name = "soft", set = { "safety.torque_rate_limit" = [400, 200] } },
+    { name = "rubbing", set = { "arm.friction" = { coulomb = [2.0, 1.0], viscous = 1.5, stribeck = 0.5 } } },
+    { name = "geared", set = { "arm.armature" = [0.5, 0.2], "arm.friction.viscous" = 0.7 } },
+    { name = "encoded", set = { "encoder.resolution" = 1e-4, "encoder.velocity" = "differentiated", "encoder.filter" = "5 ms" } },
     { name = "points", set = { "trajectory.kind" = "file" } },
     { name = "line", set = { "trajectory.kind" = "point-to-point" } },
 ]

@@ -4,8 +4,16 @@ use super::{Override, Scenario, ScenarioError, Template, trajectory};
 
 /// Keys and tables that a running loop can change between two samples. Arm, task and clock stay:
 /// they define the run.
-const LIVE: [&str; 7] =
-    ["law", "link", "safety", "sensor", "timing.sample_period", "trajectory", "arm.friction"];
+const LIVE: [&str; 8] = [
+    "law",
+    "link",
+    "safety",
+    "sensor",
+    "timing.sample_period",
+    "trajectory",
+    "arm.friction",
+    "encoder",
+];
 
 impl Scenario {
     /// This scenario with some keys changed, validated, for a running loop.

@@ -9,6 +9,7 @@ mod builtin;
 mod bus;
 mod declared;
 pub mod duration;
+mod encoder;
 pub(crate) mod error;
 mod friction;
 pub(crate) mod key;
@@ -29,6 +30,7 @@ use toml::{Table, Value};
 pub use arm::{ArmSettings, Chain};
 pub use builtin::{BUILT_IN, built_in};
 pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, DEFAULT_SPIN, Wait, is_name};
+pub use encoder::EncoderSettings;
 pub use error::ScenarioError;
 pub use friction::FrictionSettings;
 pub use key::{Default as KeyDefault, Parameter};
@@ -101,6 +103,8 @@ pub struct Scenario {
     pub link: Links,
     /// Sensor noise: amplitude as a fraction of each output's magnitude.
     pub noise: f64,
+    /// How joints are measured; `None` for perfect encoders.
+    pub encoder: Option<EncoderSettings>,
     /// Between which processes.
     pub bus: BusSettings,
     /// What protects the arm.
@@ -209,6 +213,7 @@ impl Scenario {
             timing,
             link,
             noise: read_noise(root.section_or_empty("sensor")?)?,
+            encoder: EncoderSettings::read(root.section_or_empty("encoder")?, arm.links.len())?,
             bus: BusSettings::read(root.section_or_empty("bus")?)?,
             safety,
             arm,

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::{
-    DURATION, NOISE, SEED, TASK, arm, bus, friction,
+    DURATION, NOISE, SEED, TASK, arm, bus, encoder, friction,
     key::{Default, Parameter},
     law::{GRAVITY, MEMORY, PREDICTION},
     link, safety, timing, trajectory,
@@ -73,6 +73,7 @@ pub fn reference() -> Vec<KeyTable> {
         table("link.*.jitter", "", link::JITTER_KEYS),
         table("link.*.dropout: bursts", "A two-state Markov chain.", link::BURST_KEYS),
         table("sensor", "What the plant measures.", &[&NOISE]),
+        table("encoder", "How joints are measured; perfect unless a key is given.", encoder::KEYS),
         table("safety", "What protects the arm.", safety::KEYS),
         table("bus", "How the processes find and wait for each other.", bus::KEYS),
     ]);

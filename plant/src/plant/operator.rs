@@ -84,7 +84,7 @@ impl<C: Clock> Changeable for BeforeSample<'_, '_, C> {
         plant.sequencer.reconfigure(&scenario, links, self.time_ns, &velocity);
         plant.set_deadline();
         plant.engine.reconfigure(&scenario);
-        plant.sensor.set_noise(scenario.noise);
+        plant.sensor.reconfigure(&scenario);
         if scenario.law != plant.scenario.law || scenario.safety != plant.scenario.safety {
             plant.gravity_terms = gravity_terms;
         }

@@ -96,7 +96,8 @@ impl Episode {
             let commanded = [sample - 1, sample]
                 .iter()
                 .all(|sample| is_safe.get(sample).is_some_and(|is_safe| !is_safe));
-            if !commanded || self.limits.contains_key(&sample) {
+            let limits_changed = self.limits.contains_key(&sample);
+            if !commanded || limits_changed || self.may_have_timed_out(sample) {
                 continue;
             }
             // The first command of an interval may use time from before it, a sample period at most.
@@ -106,6 +107,15 @@ impl Episode {
                 assert!(step <= most + 1e-9, "sample {sample}: {step} N m in one period");
             }
         }
+    }
+
+    /// Whether the arm may have been in its safe state for a part of the period before this sample:
+    /// whether a timeout was counted between the statuses around it.
+    fn may_have_timed_out(&self, sample: u64) -> bool {
+        let statuses = &self.heard.statuses;
+        let next = statuses.partition_point(|status| status.header.sequence < sample);
+        let before = next.checked_sub(1).map(|before| statuses[before].timeouts);
+        before.is_none() || before != statuses.get(next).map(|status| status.timeouts)
     }
 
     /// Where no command took effect for longer than the timeout, the arm is in its safe state; and no

@@ -14,7 +14,7 @@ use mtj_model::{
     scenario::FrictionSettings,
     task::{Previous, Task},
 };
-use mtj_plant::dormand_prince::DormandPrince;
+use mtj_plant::{dormand_prince::DormandPrince, sensor::Sensor};
 use nalgebra::SVector;
 
 use super::{
@@ -38,7 +38,8 @@ pub(crate) struct Batch<'a, 'b, T: Lanes, const N: usize, const M: usize, const 
     previous: Previous<T, M>,
     state: State<T>,
     has_state: bool,
-    has_noise: bool,
+    /// Whether measurements differ from the truth.
+    is_imperfect: bool,
     predicts: bool,
     balances_gravity: bool,
     /// The torques that balance gravity, of the samples that are being answered, N m.
@@ -73,7 +74,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
             previous: Previous::none(),
             state: [T::zero(); _],
             has_state: some.law.law.description().has_state,
-            has_noise: some.noise > 0.0,
+            is_imperfect: Sensor::is_imperfect(some),
             predicts: some.law.prediction.is_some(),
             balances_gravity: some.law.balances_gravity(&some.arm),
             gravity: SVector::zeros(),
@@ -220,7 +221,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
                 continue;
             }
             let LawInputs { recalled, horizon, delivered_ns } = this.sample();
-            if self.has_noise {
+            if self.is_imperfect {
                 let (q, q_dot) = this
                     .sense(numbers(position.as_slice(), lane), numbers(velocity.as_slice(), lane));
                 put(all.position.as_mut_slice(), lane, &q);
@@ -236,7 +237,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
 
     #[inline(always)]
     fn respond(&mut self, samples: &Samples<T, N, E>) -> Response<T, Point<T, N, M>, N, M> {
-        let at = if self.has_noise {
+        let at = if self.is_imperfect {
             Configuration::new(&samples.position, &samples.velocity)
         } else {
             *self.arms.configuration()

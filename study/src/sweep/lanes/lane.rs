@@ -78,7 +78,7 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
             sequence: 0,
             sequencer: Sequencer::new(scenario)?,
             ahead: VecDeque::new(),
-            sensor: Sensor::new(scenario.noise, scenario.seed),
+            sensor: Sensor::new(scenario),
             memory: scenario.law.has_memory().then(|| Memory::new(&scenario.law.memory)),
             measures: Measures::new(scenario),
             under_way: VecDeque::new(),
@@ -138,7 +138,7 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
 
     /// The measured state for a true one, rad and rad/s.
     pub(crate) fn sense(&mut self, position: Joints, velocity: Joints) -> (Joints, Joints) {
-        self.sensor.measure(position, velocity)
+        self.sensor.measure(self.time_ns, position, velocity)
     }
 
     /// Takes a sample.

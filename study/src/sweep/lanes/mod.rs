@@ -21,7 +21,7 @@ use mtj_model::{
     lift::{Lift, Shape},
     scenario::{ClockKind, FrictionSettings, Scenario},
 };
-use mtj_plant::report::Report;
+use mtj_plant::{report::Report, sensor::Sensor};
 
 use super::row::Measured;
 use crate::experiment;
@@ -58,7 +58,8 @@ pub fn shape(scenario: &Scenario) -> Option<BatchShape> {
         friction.shape(&mut formulas);
         scenario.law.law.shape(&mut formulas);
         let (law, arm) = (&scenario.law, &scenario.arm);
-        let choices = [law.prediction.is_some(), law.balances_gravity(arm), scenario.noise > 0.0];
+        let choices =
+            [law.prediction.is_some(), law.balances_gravity(arm), Sensor::is_imperfect(scenario)];
         formulas.extend(choices.map(u8::from));
         BatchShape { links, formulas }
     })
