@@ -4,11 +4,15 @@ use std::collections::VecDeque;
 
 use mtj_model::{
     MAX_ECHO, MAX_JOINTS,
-    scenario::{OnTimeout, Scenario},
+    scenario::{CourseSettings, OnTimeout, Scenario},
 };
 use mtj_protocol::sample::{Joints, TorqueSample};
 
-use crate::{engine::Drive, sequencer::nanoseconds};
+use crate::{
+    course::Course,
+    engine::{Approach, Drive},
+    sequencer::nanoseconds,
+};
 
 /// A torque with its echo, on its way to the arm or in effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,11 +51,17 @@ pub struct Actuator<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
     /// When the newest command took effect, ns.
     applied_ns: u64,
     on_timeout: OnTimeout,
+    /// How torques get to their commands; `None` for at once.
+    course: Option<CourseSettings>,
+    /// N m; zeros for exact torques.
+    resolution: [f64; N],
     drive: Drive<N>,
     /// The part of the drive's torque that balances gravity, N m.
     gravity: [f64; N],
-    /// The echo in effect, scaled with its torque.
+    /// The echo of the torque that was commanded, scaled with it.
     echo: [f64; E],
+    /// The echo in effect when it was commanded, from which it takes the same course as the torque.
+    echo_from: [f64; E],
     /// The integral of the echo up to `integrated_ns`.
     impulse: [f64; E],
     integrated_ns: u64,
@@ -73,9 +83,12 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
             period_ns: nanoseconds(scenario.timing.sample_period),
             applied_ns: 0,
             on_timeout: scenario.safety.on_timeout,
+            course: course(scenario),
+            resolution: resolution(scenario),
             drive: Drive::Torque([0.0; _]),
             gravity: [0.0; _],
             echo: [0.0; _],
+            echo_from: [0.0; _],
             impulse: [0.0; _],
             integrated_ns: 0,
             history: VecDeque::with_capacity(memory_samples(scenario)),
@@ -95,14 +108,26 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         self.rate_limit = rate_limits(scenario);
         self.period_ns = nanoseconds(scenario.timing.sample_period);
         self.on_timeout = scenario.safety.on_timeout;
+        self.course = course(scenario);
+        self.resolution = resolution(scenario);
         if self.has_timed_out {
             // What a brake exerts now is what may be held from now on.
-            self.drive = Drive::Torque(self.torque(velocity));
-            self.enter_safe_state();
+            self.drive = Drive::Torque(self.torque(time_ns, velocity));
+            self.enter_safe_state(time_ns, velocity);
         }
-        if let Drive::Torque(torque) = self.drive {
-            let (torque, echo) = self.limited(&torque, &self.gravity, &self.echo);
-            (self.drive, self.echo) = (Drive::Torque(torque), echo);
+        match self.drive {
+            Drive::Torque(torque) => {
+                let (torque, echo) = self.limited(&torque, &self.gravity, &self.echo);
+                (self.drive, self.echo) = (Drive::Torque(torque), echo);
+            }
+            // The limits act at once, whatever the actuators can.
+            Drive::Approach(approach) => {
+                let now = self.torque(time_ns, velocity);
+                let (from, echo_from) = self.limited(&now, &self.gravity, &self.applied(time_ns));
+                let (to, echo) = self.limited(&approach.to, &self.gravity, &self.echo);
+                self.set_out(from, echo_from, to, echo, time_ns);
+            }
+            Drive::Damping { .. } => {}
         }
         // Here, between two samples, rather than in the loop.
         self.history.reserve(memory_samples(scenario));
@@ -127,7 +152,7 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         self.latency_ns = time_ns.saturating_sub(*sampled_ns);
         let (mut torque, mut echo) = self.limited(torque, gravity, echo);
         if let Some(rates) = &self.rate_limit {
-            let from = self.torque(velocity);
+            let from = self.torque(time_ns, velocity);
             // What came before the first command changed nothing for a period at least.
             let since_ns =
                 if is_first { u64::MAX } else { time_ns.saturating_sub(self.applied_ns) };
@@ -136,15 +161,58 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
             for (to, from) in torque.iter_mut().zip(&from) {
                 *to = from + (*to - from) * part;
             }
-            for (to, from) in echo.iter_mut().zip(&self.echo) {
+            for (to, from) in echo.iter_mut().zip(&self.applied(time_ns)) {
                 *to = from + (*to - from) * part;
             }
         }
-        (self.drive, self.gravity, self.echo) = (Drive::Torque(torque), *gravity, echo);
+        for (joint, torque) in torque.iter_mut().enumerate() {
+            *torque = self.rounded(joint, *torque);
+        }
+        let from = self.torque(time_ns, velocity);
+        self.set_out(from, self.applied(time_ns), torque, echo, time_ns);
+        self.gravity = *gravity;
         self.echo_count = *echo_count;
         self.applied_ns = time_ns;
         self.has_timed_out = false;
         true
+    }
+
+    /// Lets torque and echo take their course from one value to another, from `time_ns` on.
+    #[inline(always)]
+    fn set_out(
+        &mut self,
+        from: [f64; N],
+        echo_from: [f64; E],
+        to: [f64; N],
+        echo: [f64; E],
+        time_ns: u64,
+    ) {
+        self.drive = match &self.course {
+            None => Drive::Torque(to),
+            Some(course) => {
+                let course = match course {
+                    CourseSettings::Lag(constant) => Course::Lag(constant.as_secs_f64()),
+                    CourseSettings::Ramp(rates) => {
+                        let steps = from.iter().zip(&to).map(|(from, to)| (to - from).abs());
+                        let times = steps.zip(rates).map(|(step, rate)| step / rate);
+                        Course::Ramp(times.fold(0.0, f64::max))
+                    }
+                };
+                Drive::Approach(Approach { from, to, since_ns: time_ns, course })
+            }
+        };
+        (self.echo, self.echo_from) = (echo, echo_from);
+    }
+
+    /// The nearest torque that the actuator of a joint can exert within its limit, N m.
+    #[inline(always)]
+    fn rounded(&self, joint: usize, torque: f64) -> f64 {
+        let step = self.resolution[joint];
+        if step == 0.0 {
+            return torque;
+        }
+        let nearest = (torque / step).round() * step;
+        if nearest.abs() > self.limit[joint] { (torque / step).trunc() * step } else { nearest }
     }
 
     /// A torque and its echo within the limits. What balances gravity is not scaled, as long as it
@@ -178,24 +246,32 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
     pub fn brake(&mut self, time_ns: u64, damping: f64) {
         self.integrate(time_ns);
         self.has_timed_out = true;
+        // Brakes act at once.
         self.drive = Drive::Damping { damping, limit: self.limit };
         self.echo = [0.0; _];
     }
 
     /// Ends the hold: no fresh command came within the timeout.
-    pub fn time_out(&mut self, time_ns: u64) {
+    pub fn time_out(&mut self, time_ns: u64, velocity: &[f64; N]) {
         self.integrate(time_ns);
         self.has_timed_out = true;
-        self.enter_safe_state();
+        self.enter_safe_state(time_ns, velocity);
     }
 
-    fn enter_safe_state(&mut self) {
-        self.drive = match self.on_timeout {
-            OnTimeout::Hold => return,
-            OnTimeout::Zero => Drive::Torque([0.0; _]),
-            OnTimeout::Damp(damping) => Drive::Damping { damping, limit: self.limit },
-        };
-        self.echo = [0.0; _];
+    fn enter_safe_state(&mut self, time_ns: u64, velocity: &[f64; N]) {
+        let zero = [0.0; E];
+        match self.on_timeout {
+            OnTimeout::Hold => {}
+            OnTimeout::Zero => {
+                let (torque, echo) = (self.torque(time_ns, velocity), self.applied(time_ns));
+                self.set_out(torque, echo, [0.0; N], zero, time_ns);
+            }
+            OnTimeout::Damp(damping) => {
+                // Brakes act at once.
+                self.drive = Drive::Damping { damping, limit: self.limit };
+                self.echo = zero;
+            }
+        }
     }
 
     /// What acts on the joints: the held torque, or damping.
@@ -203,20 +279,33 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         &self.drive
     }
 
-    /// The torque in effect at joint velocities `velocity`, N m.
+    /// The torque in effect at `time_ns` and at joint velocities `velocity`, N m.
     #[inline(always)]
-    pub fn torque(&self, velocity: &[f64; N]) -> [f64; N] {
+    pub fn torque(&self, time_ns: u64, velocity: &[f64; N]) -> [f64; N] {
+        let time = time_ns as f64 * 1e-9;
         let mut torque = [0.0; N];
         for (joint, torque) in torque.iter_mut().enumerate() {
-            *torque = self.drive.torque(joint, velocity[joint]);
+            *torque = self.drive.torque(joint, velocity[joint], time);
         }
         torque
     }
 
-    /// The echo in effect.
+    /// The torque that the last command asked for within the limits, N m; what a brake exerts at
+    /// joint velocities `velocity`.
     #[inline(always)]
-    pub fn applied(&self) -> [f64; E] {
-        self.echo
+    pub fn commanded(&self, velocity: &[f64; N]) -> [f64; N] {
+        match &self.drive {
+            Drive::Approach(approach) => approach.to,
+            _ => self.torque(0, velocity),
+        }
+    }
+
+    /// The echo in effect at `time_ns`.
+    #[inline(always)]
+    pub fn applied(&self, time_ns: u64) -> [f64; E] {
+        let Drive::Approach(approach) = &self.drive else { return self.echo };
+        let rest = approach.rest(time_ns as f64 * 1e-9);
+        std::array::from_fn(|i| self.echo[i] + (self.echo_from[i] - self.echo[i]) * rest)
     }
 
     /// The mean echo over the memory step that ends at `time_ns`, a sampling instant. Before the
@@ -263,6 +352,16 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         for (impulse, echo) in self.impulse.iter_mut().zip(&self.echo) {
             *impulse += echo * seconds;
         }
+        if let Drive::Approach(Approach { since_ns, course, .. }) = &self.drive
+            && time_ns > self.integrated_ns
+        {
+            let integral =
+                |at_ns: u64| course.integral(at_ns.saturating_sub(*since_ns) as f64 * 1e-9);
+            let rest = integral(time_ns) - integral(self.integrated_ns);
+            for (i, impulse) in self.impulse.iter_mut().enumerate() {
+                *impulse += (self.echo_from[i] - self.echo[i]) * rest;
+            }
+        }
         self.integrated_ns = time_ns;
     }
 }
@@ -273,6 +372,15 @@ fn limits<const N: usize>(scenario: &Scenario) -> [f64; N] {
         *limit = *joint;
     }
     limit
+}
+
+fn course(scenario: &Scenario) -> Option<CourseSettings> {
+    scenario.actuator.as_ref()?.course.clone()
+}
+
+fn resolution<const N: usize>(scenario: &Scenario) -> [f64; N] {
+    let steps = scenario.actuator.as_ref().map_or(&[][..], |actuator| &actuator.resolution);
+    std::array::from_fn(|joint| steps.get(joint).copied().unwrap_or(0.0))
 }
 
 fn rate_limits<const N: usize>(scenario: &Scenario) -> Option<[f64; N]> {

@@ -11,6 +11,8 @@ use crate::actuator::Command;
 pub enum Event {
     /// A command leaves the torque link and takes effect.
     Arrive(Command),
+    /// The tip takes up a load of this mass, kg, in place of the one before.
+    Load(f64),
     /// The command timeout may be over.
     Timeout,
     /// The disturbance with this number ends.
@@ -27,10 +29,11 @@ impl Event {
     fn rank(&self) -> u8 {
         match self {
             Self::Arrive(_) => 0,
-            Self::Timeout => 1,
-            Self::EndDisturbance(_) => 2,
-            Self::Deliver(_) => 3,
-            Self::Sample => 4,
+            Self::Load(_) => 1,
+            Self::Timeout => 2,
+            Self::EndDisturbance(_) => 3,
+            Self::Deliver(_) => 4,
+            Self::Sample => 5,
         }
     }
 

@@ -38,8 +38,10 @@ pub struct DormandPrince<T: Lanes, A: Arm<T, N>, const N: usize> {
     pub velocity: SVector<T, N>,
     /// ∫ Σ|τᵢ q̇ᵢ| dt, J.
     pub energy: T,
-    /// τ, held, N m.
+    /// τ, held, N m, or where it goes to.
     pub torque: SVector<T, N>,
+    /// How it gets there; `None` where it is there at once.
+    pub approach: Option<LaneApproach<T, N>>,
     /// How far the next event is, s.
     pub remaining: T,
     /// The step that the last estimate allows, s.
@@ -50,7 +52,11 @@ pub struct DormandPrince<T: Lanes, A: Arm<T, N>, const N: usize> {
 impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
     /// Arms that stand still at zero.
     #[inline(always)]
-    pub fn new(arm: A, friction: Option<Friction<T, N>>) -> Self {
+    pub fn new(
+        arm: A,
+        friction: Option<Friction<T, N>>,
+        approach: Option<LaneApproach<T, N>>,
+    ) -> Self {
         let zero = SVector::zeros();
         Self {
             arm,
@@ -60,6 +66,7 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
             velocity: zero,
             energy: T::zero(),
             torque: zero,
+            approach,
             remaining: T::zero(),
             step: T::constant(LONGEST),
             configuration: A::configuration(&zero, &zero),
@@ -72,6 +79,9 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
             self.position[joint].set(lane, position[joint]);
             self.velocity[joint].set(lane, velocity[joint]);
             self.torque[joint].set(lane, 0.0);
+        }
+        if let Some(approach) = &mut self.approach {
+            approach.set_out(lane, &[0.0; N], 1.0);
         }
         self.energy.set(lane, 0.0);
         self.remaining.set(lane, 0.0);
@@ -91,22 +101,43 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         &self.configuration
     }
 
-    /// q̈ under the torque in effect at joint velocities q̇, rad/s².
+    /// τ so many seconds from now, N m.
     #[inline(always)]
-    fn acceleration(&self, at: &A::Configuration, velocity: &SVector<T, N>) -> SVector<T, N> {
-        match &self.friction {
-            None => self.arm.acceleration(at, &self.torque),
-            Some(friction) => self.arm.acceleration(at, &(self.torque + friction.torque(velocity))),
+    fn torque_after(&self, seconds: T) -> SVector<T, N> {
+        match &self.approach {
+            None => self.torque,
+            Some(approach) => self.torque + (approach.from - self.torque) * approach.rest(seconds),
         }
     }
 
-    /// The rate of change a step `h` along a mean rate, and angles and configuration there.
+    /// q̈ at joint velocities q̇ so many seconds from now, rad/s².
     #[inline(always)]
-    fn stage(&self, h: T, mean: Rate<T, N>) -> (Rate<T, N>, SVector<T, N>, A::Configuration) {
+    fn acceleration(
+        &self,
+        at: &A::Configuration,
+        velocity: &SVector<T, N>,
+        seconds: T,
+    ) -> SVector<T, N> {
+        let torque = self.torque_after(seconds);
+        match &self.friction {
+            None => self.arm.acceleration(at, &torque),
+            Some(friction) => self.arm.acceleration(at, &(torque + friction.torque(velocity))),
+        }
+    }
+
+    /// The rate of change a step `h` along a mean rate, at this part of the step, and angles and
+    /// configuration there.
+    #[inline(always)]
+    fn stage(
+        &self,
+        h: T,
+        part: f64,
+        mean: Rate<T, N>,
+    ) -> (Rate<T, N>, SVector<T, N>, A::Configuration) {
         let position = self.position + mean.velocity * h;
         let velocity = self.velocity + mean.acceleration * h;
         let at = A::configuration(&position, &velocity);
-        let acceleration = self.acceleration(&at, &velocity);
+        let acceleration = self.acceleration(&at, &velocity, h * T::constant(part));
         (Rate { velocity, acceleration }, position, at)
     }
 
@@ -119,15 +150,19 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         let steps = steps.where_below(T::one(), T::one(), steps);
         let h = self.remaining / steps;
 
-        let acceleration = self.acceleration(&self.configuration, &self.velocity);
+        let acceleration = self.acceleration(&self.configuration, &self.velocity, T::zero());
         let start = Rate { velocity: self.velocity, acceleration };
         let k1 = &start;
-        let (k2, ..) = &self.stage(h, sum([(1.0 / 5.0, k1)]));
-        let (k3, ..) = &self.stage(h, sum([(3.0 / 40.0, k1), (9.0 / 40.0, k2)]));
-        let (k4, ..) =
-            &self.stage(h, sum([(44.0 / 45.0, k1), (-56.0 / 15.0, k2), (32.0 / 9.0, k3)]));
+        let (k2, ..) = &self.stage(h, 1.0 / 5.0, sum([(1.0 / 5.0, k1)]));
+        let (k3, ..) = &self.stage(h, 3.0 / 10.0, sum([(3.0 / 40.0, k1), (9.0 / 40.0, k2)]));
+        let (k4, ..) = &self.stage(
+            h,
+            4.0 / 5.0,
+            sum([(44.0 / 45.0, k1), (-56.0 / 15.0, k2), (32.0 / 9.0, k3)]),
+        );
         let (k5, ..) = &self.stage(
             h,
+            8.0 / 9.0,
             sum([
                 (19372.0 / 6561.0, k1),
                 (-25360.0 / 2187.0, k2),
@@ -137,6 +172,7 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         );
         let (k6, ..) = &self.stage(
             h,
+            1.0,
             sum([
                 (9017.0 / 3168.0, k1),
                 (-355.0 / 33.0, k2),
@@ -148,6 +184,7 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         // The fifth-order result.
         let (k7, position, configuration) = &self.stage(
             h,
+            1.0,
             sum([
                 (35.0 / 384.0, k1),
                 (500.0 / 1113.0, k3),
@@ -176,6 +213,7 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         let bound = h.where_below(c(1.5 * SHORTEST), c(f64::INFINITY), self.tolerance);
         let accept = |new: T, old: T| bound.where_below(size, old, new);
         let mut work = T::zero();
+        let torque = self.mean_torque(h);
         for joint in 0..N {
             let way = path(
                 h,
@@ -183,14 +221,23 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
                 self.velocity[joint],
                 velocity[joint],
             );
-            work += (self.torque[joint] * way).abs();
+            work += (torque[joint] * way).abs();
             self.position[joint] = accept(position[joint], self.position[joint]);
             self.velocity[joint] = accept(velocity[joint], self.velocity[joint]);
         }
         self.configuration = A::combine(configuration, &self.configuration, accept);
         self.energy = accept(self.energy + work, self.energy);
         self.remaining = accept(self.remaining - h, self.remaining);
+        if let Some(approach) = &mut self.approach {
+            approach.elapsed = accept(approach.elapsed + h, approach.elapsed);
+        }
         self.step = T::zero().where_below(h, self.next_step(h, size), self.step);
+    }
+
+    /// τ in the middle of the next `h` seconds, N m: its mean, but for a part of third order.
+    #[inline(always)]
+    fn mean_torque(&self, h: T) -> SVector<T, N> {
+        if self.approach.is_none() { self.torque } else { self.torque_after(h * T::constant(0.5)) }
     }
 
     /// The step whose error would be within the bound, from that of a step `h`: the error of the
@@ -211,6 +258,45 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         let step = factor.where_below(c(GROWTH), shortened, kept);
         let step = step.where_below(c(LONGEST), step, c(LONGEST));
         c(SHORTEST).where_below(step, step, c(SHORTEST))
+    }
+}
+
+/// How the torques of the lanes get to their commands; see [`crate::course::Course`].
+#[derive(Clone, Copy, Debug)]
+pub struct LaneApproach<T, const N: usize> {
+    /// N m.
+    from: SVector<T, N>,
+    /// Since they set out, s.
+    elapsed: T,
+    /// The time constant of a lag, or how long a ramp takes, s.
+    length: T,
+    is_ramp: bool,
+}
+
+impl<T: Lanes, const N: usize> LaneApproach<T, N> {
+    /// Torques at rest at zero, whose courses are ramps or lags.
+    pub fn new(is_ramp: bool) -> Self {
+        Self { from: SVector::zeros(), elapsed: T::zero(), length: T::one(), is_ramp }
+    }
+
+    /// Lets the torque of a lane set out from where it is.
+    pub fn set_out(&mut self, lane: usize, from: &[f64; N], length: f64) {
+        for (all, from) in self.from.iter_mut().zip(from) {
+            all.set(lane, *from);
+        }
+        self.elapsed.set(lane, 0.0);
+        self.length.set(lane, length);
+    }
+
+    /// How much of the way is left so many seconds from now.
+    #[inline(always)]
+    fn rest(&self, seconds: T) -> T {
+        let elapsed = self.elapsed + seconds;
+        if self.is_ramp {
+            elapsed.where_below(self.length, T::one() - elapsed / self.length, T::zero())
+        } else {
+            (-(elapsed / self.length)).exp()
+        }
     }
 }
 

@@ -13,6 +13,7 @@
 pub mod actuator;
 pub mod agenda;
 mod clock;
+pub mod course;
 pub mod direct;
 pub mod dormand_prince;
 pub mod durations;

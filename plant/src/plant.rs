@@ -241,6 +241,7 @@ impl<'a, C: Clock> Plant<'a, C> {
             }
             Event::Deliver(state) => self.deliver(time_ns, state)?,
             Event::Arrive(command) => self.apply(time_ns, &command),
+            Event::Load(mass) => self.engine.carry(mass),
             Event::Timeout => self.time_out(time_ns),
             Event::EndDisturbance(disturbance) => {
                 if disturbance == self.disturbances {
@@ -254,6 +255,9 @@ impl<'a, C: Clock> Plant<'a, C> {
     /// Takes the first sample and repeats it until a controller answers; then the clock starts,
     /// with that answer in hand.
     fn meet_controller(&mut self) -> Result<(), BusError> {
+        for load in &self.scenario.loads {
+            self.agenda.push(nanoseconds(load.at), Event::Load(load.mass));
+        }
         let mut state = self.measure(0);
         self.set_deadline();
         let transit = self.sequencer.state_transit(0);
@@ -303,7 +307,8 @@ impl<'a, C: Clock> Plant<'a, C> {
 
     /// Ends the hold if no command has taken effect for too long.
     fn time_out(&mut self, time_ns: u64) {
-        self.sequencer.time_out(time_ns);
+        let velocity = self.engine.state().velocity;
+        self.sequencer.time_out(time_ns, &velocity);
         self.tell_timeout(time_ns);
     }
 
@@ -332,8 +337,8 @@ impl<'a, C: Clock> Plant<'a, C> {
                 tip,
                 desired,
                 error,
-                torque: actuator.torque(&truth.velocity),
-                echo: actuator.applied(),
+                torque: actuator.torque(time_ns, &truth.velocity),
+                echo: actuator.applied(time_ns),
             };
             if time_ns == 0 {
                 self.first_row = Some(row); // The run may never begin.
@@ -357,7 +362,7 @@ impl<'a, C: Clock> Plant<'a, C> {
             echo_count: actuator.echo_count(),
             position,
             velocity,
-            applied: actuator.applied(),
+            applied: actuator.applied(time_ns),
             delivered: self.sequencer.delivered(time_ns),
         }
     }
@@ -392,10 +397,10 @@ impl<'a, C: Clock> Plant<'a, C> {
 
     fn apply(&mut self, time_ns: u64, command: &Command) {
         let velocity = self.engine.state().velocity;
-        let before = self.sequencer.actuator().torque(&velocity);
+        let before = self.sequencer.actuator().commanded(&velocity);
         if self.sequencer.apply(command, time_ns, &velocity) {
             self.clock.apply(time_ns);
-            let torque = self.sequencer.actuator().torque(&velocity);
+            let torque = self.sequencer.actuator().commanded(&velocity);
             if self.new_law_from.take_if(|first| command.sequence >= *first).is_some() {
                 self.tell_step(&before, &torque);
             }
@@ -452,7 +457,7 @@ impl<'a, C: Clock> Plant<'a, C> {
             // An arm that diverged has numbers that no monitor would accept.
             position: finite(truth.position),
             velocity: finite(truth.velocity),
-            torque: finite(self.sequencer.actuator().torque(&truth.velocity)),
+            torque: finite(self.sequencer.actuator().torque(truth.time_ns, &truth.velocity)),
         })
     }
 

@@ -144,7 +144,7 @@ impl<const N: usize, const E: usize> Sequencer<N, E> {
         if self.is_stopped {
             self.actuator.brake(time_ns, self.damping);
         }
-        self.time_out(time_ns);
+        self.time_out(time_ns, velocity);
     }
 
     /// Looks whether a joint has left its limits, just before the sample at `time_ns`. If one has, the
@@ -257,11 +257,11 @@ impl<const N: usize, const E: usize> Sequencer<N, E> {
         Some(self.applied_ns + timeout)
     }
 
-    /// Ends the hold if the deadline is reached.
-    pub fn time_out(&mut self, time_ns: u64) {
+    /// Ends the hold if the deadline is reached; at joint velocities `velocity`.
+    pub fn time_out(&mut self, time_ns: u64, velocity: &[f64; N]) {
         if self.deadline().is_some_and(|deadline| time_ns >= deadline) {
             self.timeouts += 1;
-            self.actuator.time_out(time_ns);
+            self.actuator.time_out(time_ns, velocity);
         }
     }
 

@@ -10,6 +10,8 @@ use mtj_protocol::sample::padded;
 const MS: u64 = 1_000_000;
 /// Joint velocities, rad/s.
 const REST: [f64; 7] = [0.0; 7];
+/// An instant at which nothing happens any more, ns.
+const LATER: u64 = 10_000_000_000;
 
 fn actuator(sets: &[&str]) -> Actuator {
     let sets: Vec<Override> = sets.iter().map(|set| set.parse().unwrap()).collect();
@@ -38,9 +40,9 @@ fn a_torque_limit_scales_all_torques_and_the_task_force_together() {
         (4, [0.0, 0.0], 1.0),
     ] {
         assert!(actuator.apply(&command(sequence, torque, [8.0, -6.0]), sequence * 10 * MS, &REST));
-        let held = actuator.torque(&[0.0; 7]);
+        let held = actuator.torque(LATER, &[0.0; 7]);
         assert_eq!(held[..2], [torque[0] * scale, torque[1] * scale], "{torque:?}");
-        assert_eq!(actuator.applied()[..2], [8.0 * scale, -6.0 * scale], "{torque:?}");
+        assert_eq!(actuator.applied(LATER)[..2], [8.0 * scale, -6.0 * scale], "{torque:?}");
     }
 }
 
@@ -59,12 +61,16 @@ fn a_torque_limit_scales_what_is_left_beside_gravity_as_long_as_gravity_fits_und
         (3, [20.0, 2.0], [12.0, 1.0], [10.0, 1.0], 0.5),
     ] {
         actuator.apply(&carrying(sequence, torque, gravity), sequence * 10 * MS, &REST);
-        let found = actuator.torque(&REST);
+        let found = actuator.torque(LATER, &REST);
         assert!(
             (found[0] - held[0]).abs() < 1e-12 && (found[1] - held[1]).abs() < 1e-12,
             "{found:?}"
         );
-        assert!((actuator.applied()[0] - 8.0 * scale).abs() < 1e-12, "{:?}", actuator.applied());
+        assert!(
+            (actuator.applied(LATER)[0] - 8.0 * scale).abs() < 1e-12,
+            "{:?}",
+            actuator.applied(LATER)
+        );
     }
 }
 
@@ -75,7 +81,7 @@ fn a_rate_limit_takes_all_joints_and_the_echo_the_same_part_of_the_way() {
     for sequence in 0..5 {
         // 1 N m or 3 N m a command: the second joint sets the pace.
         actuator.apply(&command(sequence, [2.0, 12.0], [8.0, -4.0]), sequence * 10 * MS, &REST);
-        let (held, applied) = (actuator.torque(&REST), actuator.applied());
+        let (held, applied) = (actuator.torque(LATER, &REST), actuator.applied(LATER));
         let (way, most) = (held[1] / 12.0, 3.0 * (sequence + 1) as f64 / 12.0);
         assert!((way - most.min(1.0)).abs() < 1e-12, "{held:?}");
         assert!((held[0] - 2.0 * way).abs() < 1e-12 && (applied[0] - 8.0 * way).abs() < 1e-12);
@@ -88,7 +94,7 @@ fn commands_that_come_together_do_not_change_the_torque_faster_than_its_rate() {
     let mut actuator = actuator(&["safety.torque_rate_limit=100.0"]);
     let mut held = |sequence, at_ms: u64| {
         actuator.apply(&command(sequence, [20.0, 0.0], [8.0, 0.0]), at_ms * MS, &REST);
-        actuator.torque(&REST)[0]
+        actuator.torque(LATER, &REST)[0]
     };
     for (sequence, at_ms, expected) in
         [(0, 0, 1.0), (1, 40, 2.0), (2, 41, 2.1), (3, 41, 2.1), (4, 43, 2.3), (5, 53, 3.3)]
@@ -106,13 +112,13 @@ fn a_command_after_a_timeout_begins_at_what_acts_then() {
         "safety.damping=2.0",
     ]);
     actuator.apply(&command(0, [0.5, -0.5], [8.0, 4.0]), 0, &REST);
-    actuator.time_out(50 * MS);
+    actuator.time_out(50 * MS, &REST);
     let speed: [f64; 7] = padded(&[1.5, 0.0]);
-    assert_eq!(actuator.torque(&speed)[..2], [-3.0, 0.0]);
+    assert_eq!(actuator.torque(LATER, &speed)[..2], [-3.0, 0.0]);
     actuator.apply(&command(9, [5.0, 0.0], [8.0, 4.0]), 90 * MS, &speed);
-    let held = actuator.torque(&REST);
+    let held = actuator.torque(LATER, &REST);
     assert!((held[0] + 2.0).abs() < 1e-12, "one N m on from −3: {held:?}");
-    assert!((actuator.applied()[0] - 1.0).abs() < 1e-12, "an eighth of the way from no echo");
+    assert!((actuator.applied(LATER)[0] - 1.0).abs() < 1e-12, "an eighth of the way from no echo");
 }
 
 #[test]
@@ -125,19 +131,19 @@ fn limits_and_reactions_that_change_act_on_what_is_held() {
     let mut actuator = actuator(&[hold]);
     actuator.apply(&command(0, [8.0, -2.0], [4.0, 2.0]), 0, &REST);
     actuator.reconfigure(&scenario(&[hold, "safety.torque_limit=[2.0, 2.0]"]), MS, &REST);
-    assert_eq!(actuator.torque(&REST)[..2], [2.0, -0.5]);
-    assert_eq!(actuator.applied()[..2], [1.0, 0.5]);
-    actuator.time_out(2 * MS);
-    assert_eq!(actuator.torque(&REST)[..2], [2.0, -0.5], "held");
+    assert_eq!(actuator.torque(LATER, &REST)[..2], [2.0, -0.5]);
+    assert_eq!(actuator.applied(LATER)[..2], [1.0, 0.5]);
+    actuator.time_out(2 * MS, &REST);
+    assert_eq!(actuator.torque(LATER, &REST)[..2], [2.0, -0.5], "held");
     let moving: [f64; 7] = padded(&[0.5, -0.25]);
     let damp = ["safety.on_timeout=damp", "safety.damping=4.0"];
     actuator.reconfigure(&scenario(&damp), 3 * MS, &moving);
-    assert_eq!(actuator.torque(&moving)[..2], [-2.0, 1.0]);
-    assert_eq!(actuator.applied(), [0.0; 7]);
+    assert_eq!(actuator.torque(LATER, &moving)[..2], [-2.0, 1.0]);
+    assert_eq!(actuator.applied(LATER), [0.0; 7]);
     actuator.reconfigure(&scenario(&[hold]), 4 * MS, &moving);
-    assert_eq!(actuator.torque(&REST)[..2], [-2.0, 1.0], "what the brake exerted is held");
+    assert_eq!(actuator.torque(LATER, &REST)[..2], [-2.0, 1.0], "what the brake exerted is held");
     actuator.reconfigure(&scenario(&["safety.on_timeout=zero"]), 5 * MS, &moving);
-    assert_eq!(actuator.torque(&moving), [0.0; 7]);
+    assert_eq!(actuator.torque(LATER, &moving), [0.0; 7]);
 }
 
 #[test]
@@ -183,8 +189,8 @@ fn an_older_command_never_replaces_a_newer_one() {
     assert!(actuator.apply(&command(5, [1.0, 2.0], [3.0, 4.0]), 57 * MS, &REST));
     assert!(!actuator.apply(&command(4, [9.0, 9.0], [9.0, 9.0]), 58 * MS, &REST));
     assert!(!actuator.apply(&command(5, [9.0, 9.0], [9.0, 9.0]), 59 * MS, &REST));
-    assert_eq!(actuator.torque(&[0.0; 7])[..2], [1.0, 2.0]);
-    assert_eq!(actuator.applied()[..2], [3.0, 4.0]);
+    assert_eq!(actuator.torque(LATER, &[0.0; 7])[..2], [1.0, 2.0]);
+    assert_eq!(actuator.applied(LATER)[..2], [3.0, 4.0]);
     assert_eq!(actuator.latency_ns(), 7 * MS, "from 50 ms to 57 ms");
 }
 
@@ -193,9 +199,9 @@ fn after_a_timeout_no_task_force_counts_as_delivered() {
     let mut actuator = actuator(&["safety.on_timeout=zero"]);
     actuator.delivered(0, 10 * MS);
     actuator.apply(&command(0, [1.0, 1.0], [10.0, 20.0]), 0, &REST);
-    actuator.time_out(4 * MS);
-    assert_eq!(actuator.torque(&[1.0; 7]), [0.0; 7]);
-    assert_eq!(actuator.applied(), [0.0; 7]);
+    actuator.time_out(4 * MS, &REST);
+    assert_eq!(actuator.torque(LATER, &[1.0; 7]), [0.0; 7]);
+    assert_eq!(actuator.applied(LATER), [0.0; 7]);
     let delivered = actuator.delivered(10 * MS, 10 * MS);
     assert!((delivered[0] - 4.0).abs() < 1e-12 && (delivered[1] - 8.0).abs() < 1e-12);
 }

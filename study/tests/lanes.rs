@@ -68,6 +68,9 @@ variants = [
     { name = "rubbing", set = { "arm.friction" = { coulomb = [2.0, 1.0], viscous = 1.5, stribeck = 0.5 } } },
     { name = "geared", set = { "arm.armature" = [0.5, 0.2], "arm.friction.viscous" = 0.7 } },
     { name = "encoded", set = { "encoder.resolution" = 1e-4, "encoder.velocity" = "differentiated", "encoder.filter" = "5 ms" } },
+    { name = "lagging", set = { "actuator.time_constant" = "3 ms" } },
+    { name = "stepped", set = { "actuator.resolution" = 0.01 } },
+    { name = "loaded", set = { "load" = [{ at = "0 s", mass = 0.5 }, { at = "1.0031 s", mass = 2.0 }, { at = "2 s", mass = 0.0 }] } },
     { name = "points", set = { "trajectory.kind" = "file" } },
     { name = "line", set = { "trajectory.kind" = "point-to-point" } },
 ]

@@ -196,6 +196,21 @@ impl ArmSettings {
         arm
     }
 
+    /// The same arm with a load at its tip, a point of this mass, kg.
+    pub fn carrying(&self, load: f64) -> Self {
+        let mut arm = self.clone();
+        if let Some(last) = arm.links.last_mut() {
+            let RigidLink { length, mass, center, inertia } = *last;
+            let all = mass + load;
+            let middle = (mass * center + load * length) / all;
+            let own = mass * (center - middle).powi(2);
+            let of_load = load * (length - middle).powi(2);
+            *last =
+                RigidLink { length, mass: all, center: middle, inertia: inertia + own + of_load };
+        }
+        arm
+    }
+
     /// Where each link ends at joint angles `q` in rad, base first; the last end is the tip. m.
     ///
     /// Angles that are missing are taken as zero.

@@ -4,7 +4,7 @@ use super::{Override, Scenario, ScenarioError, Template, trajectory};
 
 /// Keys and tables that a running loop can change between two samples. Arm, task and clock stay:
 /// they define the run.
-const LIVE: [&str; 8] = [
+const LIVE: [&str; 9] = [
     "law",
     "link",
     "safety",
@@ -12,6 +12,7 @@ const LIVE: [&str; 8] = [
     "timing.sample_period",
     "trajectory",
     "arm.friction",
+    "actuator",
     "encoder",
 ];
 

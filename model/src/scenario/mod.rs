@@ -4,6 +4,7 @@
 //! here: code that gets a [`Scenario`] trusts its values. Each file holds the keys of one table and
 //! reads them.
 
+mod actuator;
 pub(crate) mod arm;
 mod builtin;
 mod bus;
@@ -16,6 +17,7 @@ pub(crate) mod key;
 mod law;
 mod link;
 mod live;
+mod load;
 mod reference;
 mod safety;
 pub mod section;
@@ -27,6 +29,7 @@ use std::{sync::Arc, time::Duration};
 
 use toml::{Table, Value};
 
+pub use actuator::{ActuatorSettings, CourseSettings};
 pub use arm::{ArmSettings, Chain};
 pub use builtin::{BUILT_IN, built_in};
 pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, DEFAULT_SPIN, Wait, is_name};
@@ -36,6 +39,7 @@ pub use friction::FrictionSettings;
 pub use key::{Default as KeyDefault, Parameter};
 pub use law::{Gravity, Horizon, LawSettings, MEMORY, MemoryPolicy, MemorySettings, PREDICTION};
 pub use link::{Dropout, Jitter, LinkSettings, Links, REPLAY_FORMAT};
+pub use load::Load;
 pub use reference::{KeyTable, reference, reference_page};
 pub use safety::{JointLimits, OnTimeout, Safety};
 pub use section::{Origin, Section};
@@ -103,6 +107,10 @@ pub struct Scenario {
     pub link: Links,
     /// Sensor noise: amplitude as a fraction of each output's magnitude.
     pub noise: f64,
+    /// What the tip takes up and drops, in the order of time.
+    pub loads: Vec<Load>,
+    /// How torques follow their commands; `None` for perfect actuators.
+    pub actuator: Option<ActuatorSettings>,
     /// How joints are measured; `None` for perfect encoders.
     pub encoder: Option<EncoderSettings>,
     /// Between which processes.
@@ -213,6 +221,8 @@ impl Scenario {
             timing,
             link,
             noise: read_noise(root.section_or_empty("sensor")?)?,
+            loads: load::read(&root)?,
+            actuator: ActuatorSettings::read(root.section_or_empty("actuator")?, arm.links.len())?,
             encoder: EncoderSettings::read(root.section_or_empty("encoder")?, arm.links.len())?,
             bus: BusSettings::read(root.section_or_empty("bus")?)?,
             safety,

@@ -3,10 +3,10 @@
 use std::fmt::Write;
 
 use super::{
-    DURATION, NOISE, SEED, TASK, arm, bus, encoder, friction,
+    DURATION, NOISE, SEED, TASK, actuator, arm, bus, encoder, friction,
     key::{Default, Parameter},
     law::{GRAVITY, MEMORY, PREDICTION},
-    link, safety, timing, trajectory,
+    link, load, safety, timing, trajectory,
 };
 use crate::law::{self, LAWS};
 
@@ -73,6 +73,12 @@ pub fn reference() -> Vec<KeyTable> {
         table("link.*.jitter", "", link::JITTER_KEYS),
         table("link.*.dropout: bursts", "A two-state Markov chain.", link::BURST_KEYS),
         table("sensor", "What the plant measures.", &[&NOISE]),
+        table("load", "What the tip takes up and drops, an entry for each change.", load::KEYS),
+        table(
+            "actuator",
+            "How torques follow their commands; perfect unless a key is given.",
+            actuator::KEYS,
+        ),
         table("encoder", "How joints are measured; perfect unless a key is given.", encoder::KEYS),
         table("safety", "What protects the arm.", safety::KEYS),
         table("bus", "How the processes find and wait for each other.", bus::KEYS),

@@ -135,16 +135,20 @@ impl<'a> Section<'a> {
 
     /// An array of tables.
     pub fn sections(&self, key: &str, expected: &str) -> Read<Vec<Section<'a>>> {
-        self.required(key, expected, |value| {
-            let tables = value.as_array()?.iter().enumerate().map(|(i, value)| {
-                Some(Section::new(
-                    self.origin,
-                    format!("{}[{i}]", self.key(key)),
-                    value.as_table()?,
-                ))
-            });
-            tables.collect()
-        })
+        self.required(key, expected, |value| self.tables(key, value))
+    }
+
+    /// The same, empty if it is not there.
+    pub fn optional_sections(&self, key: &str, expected: &str) -> Read<Vec<Section<'a>>> {
+        let found = self.optional(key, expected, |value| self.tables(key, value))?;
+        Ok(found.unwrap_or_default())
+    }
+
+    fn tables(&self, key: &str, value: &'a Value) -> Option<Vec<Section<'a>>> {
+        let tables = value.as_array()?.iter().enumerate().map(|(i, value)| {
+            Some(Section::new(self.origin, format!("{}[{i}]", self.key(key)), value.as_table()?))
+        });
+        tables.collect()
     }
 
     /// A value that `read` accepts; it must be there.

@@ -28,8 +28,9 @@
 //!     fn advance(&mut self, time_ns: u64, drive: &Drive) {
 //!         let State { time_ns: before, position, velocity, energy } = &mut self.state;
 //!         let dt = time_ns.saturating_sub(*before) as f64 * 1e-9;
+//!         let time = *before as f64 * 1e-9;
 //!         for joint in 0..position.len() {
-//!             let torque = drive.torque(joint, velocity[joint]);
+//!             let torque = drive.torque(joint, velocity[joint], time);
 //!             let acceleration = (torque + self.disturbance[joint]) / self.inertia;
 //!             let turned = (velocity[joint] + 0.5 * acceleration * dt) * dt;
 //!             position[joint] += turned;
@@ -73,12 +74,16 @@ mod runge_kutta;
 use mtj_model::{MAX_JOINTS, for_joints, scenario::Scenario};
 use mtj_protocol::sample::Joints;
 
+use crate::course::Course;
+
 /// Integrates an arm's state; times are ns since the run began.
 pub trait Engine {
     /// Integrates to `time_ns` under `drive`; does nothing if that is past.
     fn advance(&mut self, time_ns: u64, drive: &Drive);
     /// The true state at the instant that was advanced to.
     fn state(&self) -> State;
+    /// Carries a load of this mass at the tip from now on, kg, in place of the one before.
+    fn carry(&mut self, _load: f64) {}
     /// Takes what may change in a running loop, like friction, from a changed scenario.
     fn reconfigure(&mut self, _: &Scenario) {}
     /// Adds a disturbance torque, N m, to the drive from now on; its work is no part of the energy.
@@ -103,6 +108,8 @@ pub struct State {
 pub enum Drive<const N: usize = MAX_JOINTS> {
     /// A held torque, N m.
     Torque([f64; N]),
+    /// A torque on its way to what was commanded.
+    Approach(Approach<N>),
     /// τ = −damping q̇ within the joints' limits.
     Damping {
         /// N m s/rad.
@@ -112,12 +119,37 @@ pub enum Drive<const N: usize = MAX_JOINTS> {
     },
 }
 
-impl<const N: usize> Drive<N> {
-    /// Torque on a joint that turns at `rate` rad/s, N m.
+/// A torque on its way to what was commanded: `to` + (`from` − `to`) · rest of the course.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Approach<const N: usize> {
+    /// N m.
+    pub from: [f64; N],
+    /// N m.
+    pub to: [f64; N],
+    /// When it set out, ns since the run began.
+    pub since_ns: u64,
+    /// How it gets there.
+    pub course: Course,
+}
+
+impl<const N: usize> Approach<N> {
+    /// How much of the way is left at `time`, s since the run began.
     #[inline(always)]
-    pub fn torque(&self, joint: usize, rate: f64) -> f64 {
+    pub fn rest(&self, time: f64) -> f64 {
+        self.course.rest((time - self.since_ns as f64 * 1e-9).max(0.0))
+    }
+}
+
+impl<const N: usize> Drive<N> {
+    /// Torque at `time`, s since the run began, on a joint that turns at `rate` rad/s, N m.
+    #[inline(always)]
+    pub fn torque(&self, joint: usize, rate: f64, time: f64) -> f64 {
         match self {
             Self::Torque(torque) => torque[joint],
+            Self::Approach(approach) => {
+                let Approach { from, to, .. } = approach;
+                to[joint] + (from[joint] - to[joint]) * approach.rest(time)
+            }
             Self::Damping { damping, limit } => {
                 (-damping * rate).clamp(-limit[joint], limit[joint])
             }

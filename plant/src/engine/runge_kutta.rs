@@ -26,6 +26,8 @@ const HELD_BACK: f64 = 0.5;
 
 /// The arm of a scenario, integrated in equal steps no longer than the integration step.
 pub(super) struct RungeKutta<const N: usize> {
+    /// Without a load.
+    settings: ArmSettings,
     arm: PlanarArm<f64, N>,
     friction: Option<Friction<f64, N>>,
     state: Integrated<N>,
@@ -44,6 +46,7 @@ impl<const N: usize> RungeKutta<N> {
         };
         let friction = arm.friction.as_ref().map(FrictionSettings::build);
         Self {
+            settings: arm.clone(),
             arm: arm.build(),
             friction,
             state,
@@ -54,8 +57,8 @@ impl<const N: usize> RungeKutta<N> {
     }
 
     /// The state's rate of change.
-    fn rate(&self, state: &Integrated<N>, drive: &Drive) -> Integrated<N> {
-        let torque = SVector::from_fn(|i, _| drive.torque(i, state.velocity[i]));
+    fn rate(&self, state: &Integrated<N>, drive: &Drive, time: f64) -> Integrated<N> {
+        let torque = SVector::from_fn(|i, _| drive.torque(i, state.velocity[i], time));
         let at = Configuration::new(&state.position, &state.velocity);
         let mut all = torque + self.disturbance;
         if let Some(friction) = &self.friction {
@@ -81,12 +84,14 @@ impl<const N: usize> RungeKutta<N> {
         HELD_BACK / rates.sum::<f64>()
     }
 
-    fn step(&mut self, h: f64, drive: &Drive) {
+    /// A step of `h` from `time` on, s.
+    fn step(&mut self, time: f64, h: f64, drive: &Drive) {
         let start = self.state;
-        let k1 = self.rate(&start, drive);
-        let k2 = self.rate(&start.moved(&k1, h / 2.0), drive);
-        let k3 = self.rate(&start.moved(&k2, h / 2.0), drive);
-        let k4 = self.rate(&start.moved(&k3, h), drive);
+        let (middle, end) = (time + h / 2.0, time + h);
+        let k1 = self.rate(&start, drive, time);
+        let k2 = self.rate(&start.moved(&k1, h / 2.0), drive, middle);
+        let k3 = self.rate(&start.moved(&k2, h / 2.0), drive, middle);
+        let k4 = self.rate(&start.moved(&k3, h), drive, end);
         self.state =
             start.moved(&k1, h / 6.0).moved(&k2, h / 3.0).moved(&k3, h / 3.0).moved(&k4, h / 6.0);
     }
@@ -114,8 +119,9 @@ impl<const N: usize> Engine for RungeKutta<N> {
             steps = steps.max((seconds / self.longest_step(friction)).ceil() as u64);
         }
         let h = seconds / steps as f64;
-        for _ in 0..steps {
-            self.step(h, drive);
+        let time = self.time_ns as f64 * 1e-9;
+        for step in 0..steps {
+            self.step(time + step as f64 * h, h, drive);
         }
         self.time_ns = time_ns;
     }
@@ -127,6 +133,10 @@ impl<const N: usize> Engine for RungeKutta<N> {
             velocity: padded(self.state.velocity.as_slice()),
             energy: self.state.energy,
         }
+    }
+
+    fn carry(&mut self, load: f64) {
+        self.arm = self.settings.carrying(load).build();
     }
 
     fn reconfigure(&mut self, scenario: &Scenario) {

@@ -11,10 +11,15 @@ use mtj_model::{
     law::State,
     lift::Lift,
     matrix::{self, padded},
-    scenario::FrictionSettings,
+    scenario::{CourseSettings, FrictionSettings},
     task::{Previous, Task},
 };
-use mtj_plant::{dormand_prince::DormandPrince, sensor::Sensor};
+use mtj_plant::{
+    course::Course,
+    dormand_prince::{DormandPrince, LaneApproach},
+    engine::{Approach, Drive},
+    sensor::Sensor,
+};
 use nalgebra::SVector;
 
 use super::{
@@ -69,6 +74,10 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
             arms: DormandPrince::new(
                 some.arm.build::<N>().lift::<T, M>(),
                 some.arm.friction.as_ref().map(|friction| friction.build::<N>().lift::<T, M>()),
+                some.actuator
+                    .as_ref()
+                    .and_then(|actuator| actuator.course.as_ref())
+                    .map(|course| LaneApproach::new(matches!(course, CourseSettings::Ramp(_)))),
             ),
             responder: Responder::of(some).lift::<T, M>(),
             previous: Previous::none(),
@@ -161,9 +170,15 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
                     return false;
                 }
                 Event::End => break,
+                Event::Load => {
+                    if let Some(load) = this.take_load() {
+                        let arm = this.scenario.arm.carrying(load);
+                        arm.build::<N>().put::<T, M>(&mut self.arms.arm, lane);
+                    }
+                }
                 Event::Arrive => {
-                    if let Some(torque) = this.arrive() {
-                        put(self.arms.torque.as_mut_slice(), lane, &torque);
+                    if let Some(drive) = this.arrive() {
+                        act(&mut self.arms, lane, &drive);
                     }
                     if this.has_diverged() {
                         break;
@@ -314,8 +329,8 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
             let torque = numbers(response.command.torque.as_slice(), lane);
             let echo = numbers(&response.command.echo, lane);
             let gravity = numbers(self.gravity.as_slice(), lane);
-            if let Some(torque) = this.command(delivered_ns, torque, gravity, echo) {
-                put(self.arms.torque.as_mut_slice(), lane, &torque);
+            if let Some(drive) = this.command(delivered_ns, torque, gravity, echo) {
+                act(&mut self.arms, lane, &drive);
             }
         }
         let span = this.look_ahead();
@@ -324,6 +339,27 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
             return false;
         }
         self.reach(lane)
+    }
+}
+
+/// Lets a drive act on the joints of a lane's arm.
+#[inline(always)]
+fn act<T: Lanes, A: Arm<T, N>, const N: usize>(
+    arms: &mut DormandPrince<T, A, N>,
+    lane: usize,
+    drive: &Drive<N>,
+) {
+    match drive {
+        Drive::Torque(torque) => put(arms.torque.as_mut_slice(), lane, torque),
+        Drive::Approach(Approach { from, to, course, .. }) => {
+            put(arms.torque.as_mut_slice(), lane, to);
+            if let Some(approach) = &mut arms.approach {
+                let (Course::Lag(length) | Course::Ramp(length)) = *course;
+                approach.set_out(lane, from, length);
+            }
+        }
+        // There are no timeouts in the lanes.
+        Drive::Damping { .. } => {}
     }
 }
 

@@ -9,9 +9,10 @@
 use std::collections::VecDeque;
 
 use mtj_controller::{memory::Memory, prediction};
-use mtj_model::scenario::{Jitter, MemoryPolicy, Scenario};
+use mtj_model::scenario::{Jitter, Load, MemoryPolicy, Scenario};
 use mtj_plant::{
     actuator::Command,
+    engine::Drive,
     error::LinkError,
     report::{Measures, Report},
     sensor::Sensor,
@@ -24,6 +25,8 @@ use mtj_protocol::sample::Joints;
 pub(crate) enum Event {
     /// A command takes effect.
     Arrive,
+    /// The tip takes up another load.
+    Load,
     /// The state is measured.
     Sample,
     /// The run is over.
@@ -54,6 +57,8 @@ pub(crate) struct Lane<'s, const N: usize, const E: usize> {
     /// Number of the newest sample.
     sequence: u64,
     sequencer: Sequencer<N, E>,
+    /// Those to come.
+    loads: &'s [Load],
     /// Transits of the next states that had to be known before they are measured, ns.
     ahead: VecDeque<Option<u64>>,
     sensor: Sensor,
@@ -77,6 +82,7 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
             end_ns: scenario.duration.as_nanos() as u64,
             sequence: 0,
             sequencer: Sequencer::new(scenario)?,
+            loads: &scenario.loads,
             ahead: VecDeque::new(),
             sensor: Sensor::new(scenario),
             memory: scenario.law.has_memory().then(|| Memory::new(&scenario.law.memory)),
@@ -95,6 +101,13 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
             Some((arrives_ns, _)) if *arrives_ns <= next_sample_ns => (*arrives_ns, Event::Arrive),
             _ => (next_sample_ns, Event::Sample),
         };
+        if let Some(load) = self.loads.first() {
+            let at_ns = load.at.as_nanos() as u64;
+            // Commands come first, samples see what is carried.
+            if at_ns < self.time_ns || at_ns == self.time_ns && self.event == Event::Sample {
+                (self.time_ns, self.event) = (at_ns, Event::Load);
+            }
+        }
         if self.time_ns >= self.end_ns {
             (self.time_ns, self.event) = (self.end_ns, Event::End);
         }
@@ -113,21 +126,28 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
         self.sequencer.has_diverged()
     }
 
-    /// Puts the next command into effect; returns the torque.
-    pub(crate) fn arrive(&mut self) -> Option<[f64; N]> {
+    /// The load that the tip takes up now, kg.
+    pub(crate) fn take_load(&mut self) -> Option<f64> {
+        let (load, rest) = self.loads.split_first()?;
+        self.loads = rest;
+        Some(load.mass)
+    }
+
+    /// Puts the next command into effect; returns what acts on the joints then.
+    pub(crate) fn arrive(&mut self) -> Option<Drive<N>> {
         let (_, command) = self.under_way.pop_front()?;
         self.apply(&command)
     }
 
     #[inline(always)]
-    fn apply(&mut self, command: &Command<N, E>) -> Option<[f64; N]> {
+    fn apply(&mut self, command: &Command<N, E>) -> Option<Drive<N>> {
         // Nothing but a timeout makes the torque depend on the velocity, and there is none here.
         if !self.sequencer.apply(command, self.time_ns, &[0.0; N]) {
             return None;
         }
-        let torque = self.sequencer.actuator().torque(&[0.0; N]);
-        self.measures.command(&torque);
-        Some(torque)
+        let actuator = self.sequencer.actuator();
+        self.measures.command(&actuator.commanded(&[0.0; N]));
+        Some(*actuator.drive())
     }
 
     /// Takes in the true tracking error at this sample.
@@ -165,7 +185,7 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
         } else {
             [0.0; E]
         };
-        memory.recall(&self.sequencer.actuator().applied(), &delivered).copied()
+        memory.recall(&self.sequencer.actuator().applied(self.time_ns), &delivered).copied()
     }
 
     /// When the state measured now reaches the controller; `None` if it is lost, overtaken, or too
@@ -207,7 +227,7 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
     }
 
     /// Answers the state measured now, which reaches the controller at `delivered_ns`, with a
-    /// command. Returns the torque if it takes effect at once.
+    /// command. Returns what acts on the joints if it takes effect at once.
     #[inline(always)]
     pub(crate) fn command(
         &mut self,
@@ -215,7 +235,7 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
         torque: [f64; N],
         gravity: [f64; N],
         echo: [f64; E],
-    ) -> Option<[f64; N]> {
+    ) -> Option<Drive<N>> {
         if let Some(memory) = &mut self.memory {
             memory.store(self.time_ns, &echo);
         }

@@ -19,7 +19,7 @@ mod lane;
 use mtj_model::{
     lanes::{Lanes, Width, Work},
     lift::{Lift, Shape},
-    scenario::{ClockKind, FrictionSettings, Scenario},
+    scenario::{ClockKind, CourseSettings, FrictionSettings, Scenario},
 };
 use mtj_plant::{report::Report, sensor::Sensor};
 
@@ -56,6 +56,12 @@ pub fn shape(scenario: &Scenario) -> Option<BatchShape> {
         formulas.push(u8::from(scenario.arm.armature.is_some()));
         let friction = scenario.arm.friction.as_ref().map(FrictionSettings::build::<1>);
         friction.shape(&mut formulas);
+        let course = scenario.actuator.as_ref().and_then(|actuator| actuator.course.as_ref());
+        formulas.push(match course {
+            None => 0,
+            Some(CourseSettings::Lag(_)) => 1,
+            Some(CourseSettings::Ramp(_)) => 2,
+        });
         scenario.law.law.shape(&mut formulas);
         let (law, arm) = (&scenario.law, &scenario.arm);
         let choices =
