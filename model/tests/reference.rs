@@ -11,7 +11,7 @@ use mtj_model::{
 use toml::{Table, Value};
 
 /// A scenario of each kind of table, as overrides of `sampled/mtj`.
-const KINDS: [&[&str]; 10] = [
+const KINDS: [&[&str]; 11] = [
     &["arm.links[0].center=0.5", "task.kind=plane", "sensor.noise=0", "safety.damping=1"],
     &["law.kind=tj", "trajectory={kind='circle', radius=1, angular_frequency=1}"],
     &["law.kind=mb", "trajectory={kind='point-to-point', from=[1,1], to=[0,1], duration='1s'}"],
@@ -27,6 +27,7 @@ const KINDS: [&[&str]; 10] = [
         "trajectory.transition={begin=1.0, duration=1.0, shift=0.5, offset=[[0.1, 0], [0, 0], [0, 0]]}",
     ],
     &["arm.friction={}", "actuator={}", "encoder={}", "load=[{at='1s', mass=1.0}]"],
+    &["wall={point=[0, -3], normal=[0, 1]}"],
     &["link.state.dropout={enter=0.1, leave=0.5}", "law.prediction.horizon=none", "law.model={}"],
 ];
 

@@ -182,3 +182,34 @@ fn a_torque_is_a_whole_multiple_of_its_resolution_within_its_limit() {
         assert_near(actuator.torque(0, &[0.0; 7])[0], exerted, 1e-12);
     }
 }
+
+#[test]
+fn a_tip_comes_back_from_an_elastic_wall_as_fast_as_it_came() {
+    // The arm points along x at its start and turns towards y; the wall is met half way up.
+    let wall = "wall={point=[0.0, 0.5], normal=[0.0, -1.0], stiffness=1e5}";
+    let sets = [wall, "arm.position=[0.2]", "timing.integration_step=10us"];
+    let mut plant = plant(&sets);
+    let (mut deepest, mut rates) = (0.0_f64, vec![]);
+    for millisecond in 1..=1000_u64 {
+        plant.advance(millisecond * 1_000_000, &held(0.0));
+        deepest = deepest.max(plant.state().position[0].sin() - 0.5);
+        rates.push(plant.state().velocity[0]);
+    }
+    assert_near(rates[0], 2.0, 1e-12);
+    assert_near(*rates.last().unwrap(), -2.0, 1e-5);
+    // ½ I ω² = ½ k d² where the tip stands still.
+    assert_near(deepest, 2.0 * (INERTIA / 1e5_f64).sqrt(), 2e-4);
+    let soft = "wall={point=[0.0, 0.5], normal=[0.0, -1.0], stiffness=1e5, dissipation=0.3}";
+    let mut lossy = self::plant(&[soft, "arm.position=[0.2]", "timing.integration_step=10us"]);
+    lossy.advance(SECOND, &held(0.0));
+    let back = lossy.state().velocity[0];
+    assert!(back < -0.5 && back > -1.7, "slower than it came, {back}");
+}
+
+#[test]
+fn a_wall_in_which_the_arm_starts_is_refused() {
+    let sets: Vec<Override> =
+        ["wall={point=[0.0, 0.5], normal=[0.0, -1.0]}"].map(|set| set.parse().unwrap()).to_vec();
+    let error = Scenario::load("sampled/mtj", &sets).unwrap_err().to_string();
+    assert!(error.contains("wall.point") && error.contains("in front of the tip"), "{error}");
+}

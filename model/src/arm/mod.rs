@@ -76,6 +76,7 @@
 pub mod friction;
 pub mod planar;
 pub mod point_mass;
+pub mod wall;
 
 use nalgebra::{SMatrix, SVector};
 

@@ -23,6 +23,7 @@ mod safety;
 pub mod section;
 mod timing;
 mod trajectory;
+mod wall;
 mod whole;
 
 use std::{sync::Arc, time::Duration};
@@ -49,6 +50,7 @@ pub use whole::{Advice, too_old};
 use key::{Default, Form, Range, literal};
 
 use crate::{
+    arm::wall::Wall,
     task::{self, TASKS},
     trajectory::Trajectory,
 };
@@ -107,6 +109,8 @@ pub struct Scenario {
     pub link: Links,
     /// Sensor noise: amplitude as a fraction of each output's magnitude.
     pub noise: f64,
+    /// What the tip can touch.
+    pub wall: Option<Wall>,
     /// What the tip takes up and drops, in the order of time.
     pub loads: Vec<Load>,
     /// How torques follow their commands; `None` for perfect actuators.
@@ -221,6 +225,7 @@ impl Scenario {
             timing,
             link,
             noise: read_noise(root.section_or_empty("sensor")?)?,
+            wall: wall::read(&root, &arm)?,
             loads: load::read(&root)?,
             actuator: ActuatorSettings::read(root.section_or_empty("actuator")?, arm.links.len())?,
             encoder: EncoderSettings::read(root.section_or_empty("encoder")?, arm.links.len())?,

@@ -6,7 +6,7 @@ use super::{
     DURATION, NOISE, SEED, TASK, actuator, arm, bus, encoder, friction,
     key::{Default, Parameter},
     law::{GRAVITY, MEMORY, PREDICTION},
-    link, load, safety, timing, trajectory,
+    link, load, safety, timing, trajectory, wall,
 };
 use crate::law::{self, LAWS};
 
@@ -73,6 +73,11 @@ pub fn reference() -> Vec<KeyTable> {
         table("link.*.jitter", "", link::JITTER_KEYS),
         table("link.*.dropout: bursts", "A two-state Markov chain.", link::BURST_KEYS),
         table("sensor", "What the plant measures.", &[&NOISE]),
+        table(
+            "wall",
+            "What the tip can touch; there is none unless the table is given.",
+            wall::KEYS,
+        ),
         table("load", "What the tip takes up and drops, an entry for each change.", load::KEYS),
         table(
             "actuator",

@@ -159,7 +159,5 @@ impl<const N: usize> Drive<N> {
 
 /// The engine of a scenario, with its arm at the initial state.
 pub fn engine(scenario: &Scenario) -> Box<dyn Engine> {
-    let step_ns = scenario.timing.integration_step.as_nanos() as u64;
-    let arm = &scenario.arm;
-    for_joints!(arm.joints(), N => Box::new(runge_kutta::RungeKutta::<N>::new(arm, step_ns)))
+    for_joints!(scenario.arm.joints(), N => Box::new(runge_kutta::RungeKutta::<N>::new(scenario)))
 }

@@ -2,14 +2,15 @@
 
 use mtj_model::{
     arm::{
-        Arm,
+        Arm, Kinematics,
         friction::Friction,
         planar::{Configuration, PlanarArm},
+        wall::Wall,
     },
     scenario::{ArmSettings, FrictionSettings, Scenario},
 };
 use mtj_protocol::sample::{Joints, padded};
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector, Vector2};
 
 use super::{Drive, Engine, State};
 
@@ -30,6 +31,7 @@ pub(super) struct RungeKutta<const N: usize> {
     settings: ArmSettings,
     arm: PlanarArm<f64, N>,
     friction: Option<Friction<f64, N>>,
+    wall: Option<Wall>,
     state: Integrated<N>,
     disturbance: SVector<f64, N>,
     time_ns: u64,
@@ -38,7 +40,8 @@ pub(super) struct RungeKutta<const N: usize> {
 
 impl<const N: usize> RungeKutta<N> {
     /// The arm at its initial state.
-    pub(super) fn new(arm: &ArmSettings, step_ns: u64) -> Self {
+    pub(super) fn new(scenario: &Scenario) -> Self {
+        let arm = &scenario.arm;
         let state = Integrated {
             position: SVector::from_fn(|i, _| arm.position[i]),
             velocity: SVector::from_fn(|i, _| arm.velocity[i]),
@@ -49,10 +52,11 @@ impl<const N: usize> RungeKutta<N> {
             settings: arm.clone(),
             arm: arm.build(),
             friction,
+            wall: scenario.wall,
             state,
             disturbance: SVector::zeros(),
             time_ns: 0,
-            step_ns,
+            step_ns: scenario.timing.integration_step.as_nanos() as u64,
         }
     }
 
@@ -64,11 +68,24 @@ impl<const N: usize> RungeKutta<N> {
         if let Some(friction) = &self.friction {
             all += friction.torque(&state.velocity);
         }
+        if let Some(wall) = &self.wall {
+            all += self.contact(wall, &at);
+        }
         Integrated {
             position: state.velocity,
             velocity: self.arm.acceleration(&at, &all),
             energy: torque.component_mul(&state.velocity).abs().sum(),
         }
+    }
+
+    /// The torques of a wall on the joints, N m.
+    fn contact(&self, wall: &Wall, at: &Configuration<f64, N>) -> SVector<f64, N> {
+        let tip: Vector2<f64> = self.arm.tip(at);
+        if wall.depth(&tip) <= 0.0 {
+            return SVector::zeros();
+        }
+        let jacobian: SMatrix<f64, 2, N> = self.arm.jacobian(at);
+        jacobian.transpose() * wall.force(&tip, &self.arm.tip_velocity(at))
     }
 
     /// The longest step with which friction is integrated without swinging, s: a part of the time in

@@ -39,8 +39,8 @@ pub struct BatchShape {
 }
 
 /// The shape of a scenario; `None` where it is for the scalar path: in real time, with an
-/// integration step that was asked for, with a command timeout or joint limits, and for arms of more than three
-/// links.
+/// integration step that was asked for, with a command timeout, joint limits or a wall, and for arms
+/// of more than three links.
 pub fn shape(scenario: &Scenario) -> Option<BatchShape> {
     let timing = &scenario.timing;
     let links = scenario.arm.links.len();
@@ -48,6 +48,7 @@ pub fn shape(scenario: &Scenario) -> Option<BatchShape> {
         && timing.tolerance.is_some()
         && scenario.safety.command_timeout.is_none()
         && scenario.safety.joint_limits.is_empty()
+        && scenario.wall.is_none()
         && links <= MOST_LINKS
         && scenario.duration.as_nanos() < LONGEST_NS;
     in_lanes.then(|| {
