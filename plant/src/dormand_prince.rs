@@ -213,7 +213,7 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         let bound = h.where_below(c(1.5 * SHORTEST), c(f64::INFINITY), self.tolerance);
         let accept = |new: T, old: T| bound.where_below(size, old, new);
         let mut work = T::zero();
-        let torque = self.mean_torque(h);
+        let (torque, turn) = self.mean_torque(h);
         for joint in 0..N {
             let way = path(
                 h,
@@ -221,7 +221,13 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
                 self.velocity[joint],
                 velocity[joint],
             );
-            work += (torque[joint] * way).abs();
+            let mut done = torque[joint] * way;
+            if let Some(turn) = &turn {
+                // Torque and speed change together.
+                let faster = velocity[joint] - self.velocity[joint];
+                done += turn[joint] * faster * h * c(1.0 / 12.0);
+            }
+            work += done.abs();
             self.position[joint] = accept(position[joint], self.position[joint]);
             self.velocity[joint] = accept(velocity[joint], self.velocity[joint]);
         }
@@ -234,10 +240,16 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         self.step = T::zero().where_below(h, self.next_step(h, size), self.step);
     }
 
-    /// τ in the middle of the next `h` seconds, N m: its mean, but for a part of third order.
+    /// The mean of τ over the next `h` seconds by Simpson's rule and, where it changes, by how much;
+    /// N m.
     #[inline(always)]
-    fn mean_torque(&self, h: T) -> SVector<T, N> {
-        if self.approach.is_none() { self.torque } else { self.torque_after(h * T::constant(0.5)) }
+    fn mean_torque(&self, h: T) -> (SVector<T, N>, Option<SVector<T, N>>) {
+        if self.approach.is_none() {
+            return (self.torque, None);
+        }
+        let c = T::constant;
+        let [first, middle, last] = [0.0, 0.5, 1.0].map(|part| self.torque_after(h * c(part)));
+        ((first + middle * c(4.0) + last) * c(1.0 / 6.0), Some(last - first))
     }
 
     /// The step whose error would be within the bound, from that of a step `h`: the error of the

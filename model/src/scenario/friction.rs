@@ -43,8 +43,7 @@ const SMOOTHING: Parameter = Parameter::new(
     "Coulomb's friction grows as tanh(q̇/smoothing), so that a joint comes to rest without a jump.",
 );
 /// The keys of `arm.friction`.
-pub(super) const KEYS: &[&Parameter] =
-    &[&COULOMB, &VISCOUS, &STRIBECK, &STRIBECK_SPEED, &SMOOTHING];
+pub const FRICTION: &[&Parameter] = &[&COULOMB, &VISCOUS, &STRIBECK, &STRIBECK_SPEED, &SMOOTHING];
 
 /// The friction of an arm's joints; lists have a number for each joint.
 #[derive(Clone, Debug, PartialEq)]

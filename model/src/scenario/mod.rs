@@ -36,7 +36,7 @@ pub use builtin::{BUILT_IN, built_in};
 pub use bus::{BusKind, BusSettings, DEFAULT_ENDPOINT, DEFAULT_SPIN, Wait, is_name};
 pub use encoder::EncoderSettings;
 pub use error::ScenarioError;
-pub use friction::FrictionSettings;
+pub use friction::{FRICTION, FrictionSettings};
 pub use key::{Default as KeyDefault, Parameter};
 pub use law::{Gravity, Horizon, LawSettings, MEMORY, MemoryPolicy, MemorySettings, PREDICTION};
 pub use link::{Dropout, Jitter, LinkSettings, Links, REPLAY_FORMAT};

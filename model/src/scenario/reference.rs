@@ -39,7 +39,7 @@ pub fn reference() -> Vec<KeyTable> {
         table(
             "arm.friction",
             "What resists the joints; absent unless one of its torques is given. No controller's model has it.",
-            friction::KEYS,
+            friction::FRICTION,
         ),
         table("trajectory", "The desired motion of the tip.", trajectory::KEYS),
         table("trajectory: circle, perturbed-circle", "", trajectory::CIRCLE_KEYS),

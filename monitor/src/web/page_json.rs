@@ -7,7 +7,7 @@ use mtj_model::{
         Description, LAWS, Parameter, Per, Signal,
         describe::{Default, Form},
     },
-    scenario::{MEMORY, PREDICTION, Scenario, duration},
+    scenario::{FRICTION, MEMORY, PREDICTION, Scenario, duration},
     scene::{Point, Scene},
     task,
 };
@@ -149,7 +149,7 @@ fn knobs(scenario: &Scenario) -> Value {
         "sensor.noise": scenario.noise,
     });
     let settings = scenario.settings();
-    for parameter in parameters(scenario.law.law.description()) {
+    for parameter in FRICTION.iter().copied().chain(parameters(scenario.law.law.description())) {
         knobs[parameter.key] = json!(settings.get(parameter));
     }
     knobs
