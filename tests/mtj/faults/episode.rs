@@ -19,12 +19,14 @@ use nix::sys::signal::Signal;
 
 use super::{
     disk::Disk,
-    fault::{Fault, PLANT},
+    fault::{CONTROLLER, Fault, PLANT, STANDBY},
 };
 use crate::session::{Running, Session, cable::Cable, eventually, holdings::Holdings};
 
 /// N m/s.
 pub const RATE: f64 = 400.0;
+/// Of a run in which nobody controls for a while, ms.
+const LONG_TIMEOUT: u64 = 500;
 
 /// Everything that was heard of an episode.
 #[derive(Default)]
@@ -145,10 +147,18 @@ impl Episode {
                     self.limits.insert(from, *limit as f64);
                 }
             }
-            Fault::Timeout(milliseconds) => {
-                let asked = self.ask(&format!("set safety.command_timeout={milliseconds}ms"));
-                if let Some(from) = asked {
-                    self.timeouts.insert(from, milliseconds * 1_000_000);
+            Fault::Timeout(milliseconds) => self.set_timeout(*milliseconds),
+            Fault::Silence(silent, timeout) => {
+                self.set_timeout(LONG_TIMEOUT);
+                let controllers = [CONTROLLER, STANDBY];
+                for role in controllers {
+                    self.roles[role].as_ref().unwrap().signal(Signal::SIGSTOP);
+                }
+                self.wait(*silent);
+                self.set_timeout(*timeout);
+                self.wait(LONG_TIMEOUT);
+                for role in controllers {
+                    self.roles[role].as_ref().unwrap().signal(Signal::SIGCONT);
                 }
             }
             Fault::Stop(PLANT, milliseconds) => {
@@ -225,6 +235,13 @@ impl Episode {
             Fault::Kick => drop(self.ask("kick --torque=10,-10 --duration 50ms")),
         }
         self.wait(150);
+    }
+
+    fn set_timeout(&mut self, milliseconds: u64) {
+        let asked = self.ask(&format!("set safety.command_timeout={milliseconds}ms"));
+        if let Some(from) = asked {
+            self.timeouts.insert(from, milliseconds * 1_000_000);
+        }
     }
 
     fn limit_descriptors(&self, limits: &str) {

@@ -11,6 +11,8 @@ pub enum Fault {
     Limit(u64),
     /// ms.
     Timeout(u64),
+    /// Both controllers are stopped, and so many ms later the timeout becomes so many ms.
+    Silence(u64, u64),
     /// A role is stopped for so many ms.
     Stop(usize, u64),
     /// A role is killed, and another one started so many ms later.
@@ -62,7 +64,7 @@ impl Fault {
             "trajectory.radius=1.0 trajectory.blend=300ms",
             "trajectory.angular_frequency=1.5",
         ]);
-        match chance.below(15) {
+        match chance.below(16) {
             0..3 => Self::Set(set),
             3 => Self::Limit(2 + chance.below(30)),
             4 => Self::Timeout(60 + chance.below(200)),
@@ -79,6 +81,7 @@ impl Fault {
             10 => Self::Hostile(1 + chance.below(50)),
             11 => Self::Cut(chance.below(800)),
             12 => Self::FullDisk(chance.below(300)),
+            14 => Self::Silence(chance.below(150), 60 + chance.below(60)),
             13 if chance.below(8) == 0 => Self::Removed,
             13 => Self::Moved(chance.below(300)),
             _ if chance.below(2) == 0 => Self::Pause(chance.below(300)),
