@@ -19,7 +19,7 @@ use nalgebra::SVector;
 
 use crate::{
     memory::Memory,
-    prediction,
+    prediction::{self, SentTorques},
     responder::{Context, Measured, Responder, Response},
 };
 
@@ -264,6 +264,7 @@ struct History {
     law: &'static str,
     state: State<f64>,
     memory: Option<Memory>,
+    sent: Option<SentTorques>,
     /// When the last sample was taken, s.
     time: f64,
     /// The tip's velocity then.
@@ -291,6 +292,8 @@ struct ArmController<const N: usize, const M: usize, L> {
     /// For a law that has one.
     memory: Option<Memory>,
     horizon: Option<Horizon>,
+    /// For the model of the arm that says where it will be.
+    sent: Option<SentTorques>,
     balances_gravity: bool,
     previous: Previous<f64, M>,
     state: State<f64>,
@@ -309,14 +312,15 @@ impl<const N: usize, const M: usize, L> ArmController<N, M, L> {
     ) -> Self {
         let settings = &scenario.law;
         let mut state = [0.0; _];
-        let (memory, previous) = match history {
-            None => (None, Previous::none()),
-            Some(History { law, state: known, memory, time, velocity }) => {
+        let (memory, sent, previous) = match history {
+            None => (None, None, Previous::none()),
+            Some(History { law, state: known, memory, sent, time, velocity }) => {
                 // Another law has another state.
                 if law == description.name {
                     state = known;
                 }
-                (memory, Previous { time, velocity: SVector::from_fn(|i, _| velocity[i]) })
+                let velocity = SVector::from_fn(|i, _| velocity[i]);
+                (memory, sent, Previous { time, velocity })
             }
         };
         let memory = memory.map_or_else(
@@ -328,6 +332,7 @@ impl<const N: usize, const M: usize, L> ArmController<N, M, L> {
             name: description.name,
             memory: description.has_memory.then_some(memory),
             horizon: settings.prediction,
+            sent: settings.predicts_by_model().then(|| sent.unwrap_or_default()),
             balances_gravity: settings.balances_gravity(&scenario.arm),
             previous,
             state,
@@ -342,6 +347,9 @@ impl<const N: usize, const M: usize, L> ArmController<N, M, L> {
         self.state = [0.0; _];
         if let Some(memory) = &mut self.memory {
             memory.forget();
+        }
+        if let Some(sent) = &mut self.sent {
+            sent.forget();
         }
     }
 }
@@ -373,12 +381,20 @@ impl<const N: usize, const M: usize, L: Equation<f64, M>> Respond for ArmControl
             echo,
             precomputed: self.precomputed,
         };
-        let measured = Measured { time, position: &q, velocity: &q_dot, at: &at };
+        let ahead = self.sent.as_ref().zip(context.horizon).map(|(sent, horizon)| {
+            sent.ahead(&self.responder.arm, header.time_ns, horizon, q, q_dot)
+        });
+        let ahead = ahead.as_ref();
+        let measured = Measured { time, position: &q, velocity: &q_dot, at: &at, ahead };
         let shown = &mut answered.error;
         let Response { mut command, error, tip, .. } =
             self.responder.respond(&measured, &context, &mut self.state, &mut shown.signals);
         if self.balances_gravity {
-            command.torque += self.responder.arm.gravity(&q);
+            let q = ahead.map_or(&q, |ahead| &ahead.position);
+            command.torque += self.responder.arm.gravity(q);
+        }
+        if let Some(sent) = &mut self.sent {
+            sent.store(header.time_ns, command.torque.as_slice());
         }
         self.previous = Previous { time, velocity: tip.velocity };
         answered.is_damped = command.damping > 0.0;
@@ -411,12 +427,16 @@ impl<const N: usize, const M: usize, L: Equation<f64, M>> Respond for ArmControl
         if let Some(memory) = &mut self.memory {
             memory.replace(&torque.echo);
         }
+        if let Some(sent) = &mut self.sent {
+            sent.replace(&torque.torque);
+        }
     }
 
     fn history(&self) -> History {
         let Previous { time, velocity } = self.previous;
         let (law, state) = (self.name, self.state);
-        History { law, state, memory: self.memory, time, velocity: padded(velocity.as_slice()) }
+        let (memory, sent) = (self.memory, self.sent.clone());
+        History { law, state, memory, sent, time, velocity: padded(velocity.as_slice()) }
     }
 }
 

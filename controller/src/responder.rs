@@ -13,7 +13,7 @@ use mtj_model::{
 
 use nalgebra::SVector;
 
-use crate::prediction;
+use crate::prediction::{self, Ahead};
 
 /// What a controller knows of arm and task, and its law.
 ///
@@ -42,6 +42,8 @@ pub struct Measured<'a, T, C, const N: usize> {
     pub velocity: &'a SVector<T, N>,
     /// The configuration there.
     pub at: &'a C,
+    /// The same at the instant that the law aims at, if a model of the arm has said it.
+    pub ahead: Option<&'a Ahead<T, C, N>>,
 }
 
 /// What an answer needs besides the measured configuration.
@@ -101,12 +103,21 @@ impl<T: Scalar, A, const M: usize, L: Equation<T, M>> Responder<T, A, M, L> {
     where
         A: Kinematics<T, N, M>,
     {
-        let Measured { time, position, velocity, at } = *measured;
+        let Measured { time, position, velocity, at, ahead } = *measured;
         let tip = Tip { time, point: self.arm.tip(at), velocity: self.arm.tip_velocity(at) };
         let acceleration = tip.acceleration_since(&context.previous);
-        let aim = match context.horizon {
-            None => tip,
-            Some(horizon) => prediction::ahead(&tip, horizon, &acceleration),
+        let aim = match (context.horizon, ahead) {
+            (None, _) => tip,
+            (Some(horizon), None) => prediction::ahead(&tip, horizon, &acceleration),
+            (Some(horizon), Some(Ahead { at, .. })) => Tip {
+                time: time + horizon,
+                point: self.arm.tip(at),
+                velocity: self.arm.tip_velocity(at),
+            },
+        };
+        let (position, velocity, at) = match ahead {
+            None => (position, velocity, at),
+            Some(ahead) => (&ahead.position, &ahead.velocity, &ahead.at),
         };
         let desired = match context.precomputed {
             Some((time, motion)) if time == aim.time => motion,

@@ -178,3 +178,12 @@ fn tdc_and_eq_11_allocate_nothing_with_any_mass() {
         }
     }
 }
+
+#[test]
+fn the_models_prediction_allocates_nothing() {
+    for links in 2..=7 {
+        for horizon in PREDICTIONS {
+            assert_free(links, &["law.kind=mtj", horizon, "law.prediction.model=rigid-body"]);
+        }
+    }
+}

@@ -43,6 +43,8 @@ variants = [
     { name = "tdc full", set = { "law.kind" = "tdc", "law.kp" = [8, 9], "law.kd" = 4, "law.mass" = [[1.5, 0.2], [0.2, 1.0]], "law.memory.policy" = "delivered" } },
     { name = "tdc task inertia", set = { "law.kind" = "tdc", "law.kp" = 8, "law.kd" = 4, "law.mass" = "task-inertia", "law.factor.kind" = "constant", "law.memory.policy" = "delivered" } },
     { name = "mb ahead", set = { "law.kind" = "mb", "law.kp" = 8, "law.kd" = 4, "law.prediction.horizon" = "3 ms" } },
+    { name = "mb by model", set = { "law.kind" = "mb", "law.kp" = 8, "law.kd" = 4, "law.prediction.horizon" = "measured", "law.prediction.model" = "rigid-body", "law.model.mass_scale" = 0.95 } },
+    { name = "tj by model", set = { "law.kind" = "tj", "law.kp" = 60, "law.kd" = 100, "law.prediction.horizon" = "12 ms", "law.prediction.model" = "rigid-body" } },
 ]
 
 [[axes]]

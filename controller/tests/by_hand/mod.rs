@@ -4,9 +4,11 @@
 #![allow(dead_code, reason = "each test file takes what it needs")]
 #![allow(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
 
+use std::collections::VecDeque;
+
 use mtj_controller::Controller;
 use mtj_model::scenario::{Override, Scenario, built_in};
-use mtj_protocol::sample::{Header, StateSample, VERSION, padded};
+use mtj_protocol::sample::{Header, StateSample, TorqueSample, VERSION, padded};
 use nalgebra::{RowSVector, SMatrix};
 
 /// A vector in the plane.
@@ -127,6 +129,79 @@ pub(crate) fn acceleration([_, q2]: Plane, [v1, v2]: Plane, torque: Plane) -> Pl
     let f2 = torque[1] - swing * v1 * v1;
     let determinant = h11 * h22 - h12 * h12;
     [(h22 * f1 - h12 * f2) / determinant, (h11 * f2 - h12 * f1) / determinant]
+}
+
+/// rms of the tracking error, mm, over the second half of 20 s on the paper's two links and path: a
+/// sample every 10 ms, whose answer takes effect `latency_ms` after it. `sets` are laid over the
+/// built-in `sampled/mb`.
+pub(crate) fn rms_mm(sets: &[&str], latency_ms: u64) -> f64 {
+    let mut controller = Controller::new(&scenario("sampled/mb", sets));
+    let mut joints = [0.03, std::f64::consts::FRAC_PI_2, 1.5, -1.0];
+    let (mut torque, mut echo, mut latency_ns) = ([0.0; 2], [0.0; 7], 0);
+    let (mut delivered, mut sum) = ([0.0; 7], 0.0);
+    let mut on_their_way = VecDeque::from([]);
+    for time_ms in 0..20_000 {
+        let is_sample = time_ms % 10 == 0;
+        for turn in 0..2 {
+            while let Some((sampled_ms, answer)) = on_their_way.front().copied()
+                && sampled_ms + latency_ms <= time_ms
+            {
+                let answer: TorqueSample = answer;
+                on_their_way.pop_front();
+                (torque, echo) = ([answer.torque[0], answer.torque[1]], answer.echo);
+                latency_ns = latency_ms * 1_000_000;
+            }
+            if turn == 0 && is_sample {
+                let [q1, q2, v1, v2] = joints;
+                let mut state = state(time_ms, [q1, q2], [v1, v2]);
+                (state.applied, state.delivered, state.latency_ns) = (echo, delivered, latency_ns);
+                on_their_way.push_back((time_ms, *controller.respond(&state).unwrap()));
+                delivered = [0.0; 7];
+                let (e, _) = tracking_error(&state);
+                sum += if time_ms < 10_000 { 0.0 } else { e[0] * e[0] + e[1] * e[1] };
+            }
+        }
+        for (mean, held) in delivered.iter_mut().zip(echo) {
+            *mean += held / 10.0;
+        }
+        joints = moved(joints, torque, 1e-3);
+    }
+    1e3 * (sum / 1000.0).sqrt()
+}
+
+/// q and q̇ a time later under a torque, by the Runge–Kutta method of order four.
+fn moved(start: [f64; 4], torque: Plane, h: f64) -> [f64; 4] {
+    let rate = |[q1, q2, v1, v2]: [f64; 4]| {
+        let [a1, a2] = acceleration([q1, q2], [v1, v2], torque);
+        [v1, v2, a1, a2]
+    };
+    let plus = |k: [f64; 4], h: f64| std::array::from_fn(|i| start[i] + h * k[i]);
+    let k1 = rate(start);
+    let k2 = rate(plus(k1, h / 2.0));
+    let k3 = rate(plus(k2, h / 2.0));
+    let k4 = rate(plus(k3, h));
+    plus(std::array::from_fn(|i| (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]) / 6.0), h)
+}
+
+/// Fails unless a law has the rms errors, mm, that a table lists for latencies, ms.
+pub(crate) fn assert_tabled(sets: &[&str], table: &[(u64, f64)], tolerance: f64) {
+    for (latency_ms, expected) in table {
+        let found = rms_mm(sets, *latency_ms);
+        println!("{sets:?}, {latency_ms} ms: {found:.3} mm, tabled {expected} mm");
+        assert!(
+            (found / expected - 1.0).abs() < tolerance,
+            "{sets:?}, {latency_ms} ms: {found} mm, not {expected} mm"
+        );
+    }
+}
+
+/// A⁻¹ x.
+pub(crate) fn solve(a: [Plane; 2], x: Plane) -> Plane {
+    let determinant = a[0][0] * a[1][1] - a[0][1] * a[1][0];
+    [
+        (a[1][1] * x[0] - a[0][1] * x[1]) / determinant,
+        (a[0][0] * x[1] - a[1][0] * x[0]) / determinant,
+    ]
 }
 
 /// The rows of (J H⁻¹ Jᵀ)⁻¹, from the Jacobians of the centres of mass and a general inverse.

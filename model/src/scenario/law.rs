@@ -22,6 +22,8 @@ pub struct LawSettings {
     pub memory: MemorySettings,
     /// How far ahead the law aims; `None` for the instant of the sample.
     pub prediction: Option<Horizon>,
+    /// By which model, where it aims ahead.
+    pub prediction_model: PredictionModel,
     /// Whether gravity is balanced by the controller's model.
     pub gravity: Gravity,
     /// The factor on the masses and inertias of the controller's model.
@@ -92,17 +94,38 @@ const POLICY: &Parameter = &MEMORY[0];
 const STEP: &Parameter = &MEMORY[1];
 
 /// The keys of the prediction, for every law.
-pub const PREDICTION: &[Parameter] = &[Parameter {
-    key: "law.prediction.horizon",
-    label: "horizon",
-    form: Form::DurationOr(&["none", "measured"]),
-    unit: "",
-    default: Default::Value("\"none\""),
-    help: "How far ahead the law aims: at the instant of the sample, at the instant the torque takes \
-           effect, or by a fixed time.",
-}];
+pub const PREDICTION: &[Parameter] = &[
+    Parameter {
+        key: "law.prediction.horizon",
+        label: "horizon",
+        form: Form::DurationOr(&["none", "measured"]),
+        unit: "",
+        default: Default::Value("\"none\""),
+        help: "How far ahead the law aims: at the instant of the sample, at the instant the torque \
+               takes effect, or by a fixed time.",
+    },
+    Parameter {
+        key: "law.prediction.model",
+        label: "moves",
+        form: Form::Choice(&["kinematic", "rigid-body"]),
+        unit: "",
+        default: Default::Value("\"kinematic\""),
+        help: "What moves meanwhile: the tip with its last acceleration, or the controller's model of \
+               the arm under the torques on their way.",
+    },
+];
 
 const HORIZON: &Parameter = &PREDICTION[0];
+const MODEL: &Parameter = &PREDICTION[1];
+
+/// By which model a law aims ahead.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PredictionModel {
+    /// The tip goes on with its velocity and its acceleration over the last sample.
+    Kinematic,
+    /// The arm, as the controller's model knows it, moves under the torques that were sent.
+    RigidBody,
+}
 
 /// How far ahead a predicting law aims.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -119,10 +142,13 @@ impl LawSettings {
         task: &task::Description,
         sample_period: Duration,
     ) -> Result<Self, ScenarioError> {
+        let prediction = law.section_or_empty("prediction")?;
         let settings = Self {
             law: Law::read(&law, task.axes.len())?,
             memory: MemorySettings::read(law.section_or_empty("memory")?, sample_period)?,
-            prediction: Horizon::read(law.section_or_empty("prediction")?)?,
+            prediction: Horizon::read(&prediction)?,
+            prediction_model: prediction
+                .word(MODEL, &[PredictionModel::Kinematic, PredictionModel::RigidBody])?,
             gravity: law.word(&GRAVITY, &[Gravity::None, Gravity::Model])?,
             mass_scale: {
                 let model = law.section_or_empty("model")?;
@@ -131,8 +157,15 @@ impl LawSettings {
                 scale
             },
         };
+        prediction.finish()?;
         law.finish()?;
         Ok(settings)
+    }
+
+    /// Whether the controller's model of the arm says what it will do until the instant that the law
+    /// aims at.
+    pub fn predicts_by_model(&self) -> bool {
+        self.prediction.is_some() && self.prediction_model == PredictionModel::RigidBody
     }
 
     /// Whether the controller adds the torque that balances gravity to the law's.
@@ -174,13 +207,11 @@ impl MemorySettings {
 }
 
 impl Horizon {
-    fn read(section: Section<'_>) -> Result<Option<Self>, ScenarioError> {
-        let horizon = section.get(HORIZON, 1, |value| match value.as_str()? {
+    fn read(section: &Section<'_>) -> Result<Option<Self>, ScenarioError> {
+        section.get(HORIZON, 1, |value| match value.as_str()? {
             "none" => Some(None),
             "measured" => Some(Some(Self::Measured)),
             text => super::duration::parse(text).map(Self::Fixed).map(Some),
-        })?;
-        section.finish()?;
-        Ok(horizon)
+        })
     }
 }

@@ -38,7 +38,10 @@ pub use encoder::EncoderSettings;
 pub use error::ScenarioError;
 pub use friction::{FRICTION, FrictionSettings};
 pub use key::{Default as KeyDefault, Parameter};
-pub use law::{Gravity, Horizon, LawSettings, MEMORY, MemoryPolicy, MemorySettings, PREDICTION};
+pub use law::{
+    Gravity, Horizon, LawSettings, MEMORY, MemoryPolicy, MemorySettings, PREDICTION,
+    PredictionModel,
+};
 pub use link::{Dropout, Jitter, LinkSettings, Links, REPLAY_FORMAT};
 pub use load::Load;
 pub use reference::{KeyTable, reference, reference_page};

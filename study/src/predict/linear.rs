@@ -100,7 +100,8 @@ impl<const M: usize> LinearLoop<M> {
         let arm = PointMass { mass: self.model_mass };
         let responder = Responder { arm, trajectory: REST.into(), law: self.law };
         let at = [state.x, state.v];
-        let measured = Measured { time: 0.0, position: &state.x, velocity: &state.v, at: &at };
+        let measured =
+            Measured { time: 0.0, position: &state.x, velocity: &state.v, at: &at, ahead: None };
         let (mut kept, mut unseen) = ([0.0; MAX_STATE], [0.0; MAX_SIGNALS]);
         responder.respond(&measured, &context, &mut kept, &mut unseen).command.torque
     }

@@ -1,6 +1,9 @@
 //! The loops of all lanes, moved together.
 
-use mtj_controller::responder::{Context, Measured, Responder, Response};
+use mtj_controller::{
+    prediction::Ahead,
+    responder::{Context, Measured, Responder, Response},
+};
 use mtj_model::{
     MAX_SIGNALS, MAX_STATE,
     arm::{
@@ -46,6 +49,7 @@ pub(crate) struct Batch<'a, 'b, T: Lanes, const N: usize, const M: usize, const 
     /// Whether measurements differ from the truth.
     is_imperfect: bool,
     predicts: bool,
+    predicts_by_model: bool,
     balances_gravity: bool,
     /// The torques that balance gravity, of the samples that are being answered, N m.
     gravity: SVector<T, N>,
@@ -85,6 +89,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
             has_state: some.law.law.description().has_state,
             is_imperfect: Sensor::is_imperfect(some),
             predicts: some.law.prediction.is_some(),
+            predicts_by_model: some.law.predicts_by_model(),
             balances_gravity: some.law.balances_gravity(&some.arm),
             gravity: SVector::zeros(),
             queue,
@@ -227,7 +232,8 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
         let (position, velocity) = (self.arms.position, self.arms.velocity);
         let (zero, nothing) = (T::zero(), [T::zero(); E]);
         let (time, horizon, recalled, is_heard) = (zero, zero, nothing, zero);
-        let mut all = Samples { time, position, velocity, horizon, recalled, is_heard };
+        let ahead = [position, velocity];
+        let mut all = Samples { time, position, velocity, ahead, horizon, recalled, is_heard };
         for lane in 0..T::COUNT {
             let place = &mut self.loops[lane];
             let Some(this) = place.lane.as_mut().filter(|_| place.is_waiting) else { continue };
@@ -241,6 +247,14 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
                     .sense(numbers(position.as_slice(), lane), numbers(velocity.as_slice(), lane));
                 put(all.position.as_mut_slice(), lane, &q);
                 put(all.velocity.as_mut_slice(), lane, &q_dot);
+            }
+            if self.predicts_by_model {
+                let [q, q_dot] =
+                    [&all.position, &all.velocity].map(|all| numbers(all.as_slice(), lane));
+                if let Some(ahead) = this.ahead(horizon, q, q_dot) {
+                    put(all.ahead[0].as_mut_slice(), lane, ahead.position.as_slice());
+                    put(all.ahead[1].as_mut_slice(), lane, ahead.velocity.as_slice());
+                }
             }
             put(&mut all.recalled, lane, &recalled);
             all.horizon.set(lane, horizon);
@@ -265,16 +279,28 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
             precomputed: None,
         };
         let mut unseen = [T::zero(); MAX_SIGNALS];
+        let [position, velocity] = samples.ahead;
+        let ahead = if self.predicts_by_model {
+            let at = Configuration::new(&position, &velocity);
+            Some(Ahead { position, velocity, at })
+        } else {
+            None
+        };
         let measured = Measured {
             time: samples.time,
             position: &samples.position,
             velocity: &samples.velocity,
             at: &at,
+            ahead: ahead.as_ref(),
         };
         let mut state = self.state;
         let mut response = self.responder.respond(&measured, &context, &mut state, &mut unseen);
         if self.balances_gravity {
-            self.gravity = self.responder.arm.gravity(&samples.position);
+            self.gravity = self.responder.arm.gravity(if self.predicts_by_model {
+                &position
+            } else {
+                &samples.position
+            });
             response.command.torque += self.gravity;
         }
         let heard = |new: T, old: T| T::zero().where_below(samples.is_heard, new, old);
@@ -371,6 +397,8 @@ struct Samples<T, const N: usize, const E: usize> {
     position: SVector<T, N>,
     /// Measured, rad/s.
     velocity: SVector<T, N>,
+    /// The same as the controller's model predicts them for the instant that the law aims at.
+    ahead: [SVector<T, N>; 2],
     /// s.
     horizon: T,
     /// The remembered echo.

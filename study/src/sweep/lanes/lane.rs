@@ -8,8 +8,15 @@
 
 use std::collections::VecDeque;
 
-use mtj_controller::{memory::Memory, prediction};
-use mtj_model::scenario::{Jitter, Load, MemoryPolicy, Scenario};
+use mtj_controller::{
+    memory::Memory,
+    prediction::{self, Ahead, SentTorques},
+    responder::Responder,
+};
+use mtj_model::{
+    arm::planar::{Configuration, PlanarArm},
+    scenario::{Jitter, Load, MemoryPolicy, Scenario},
+};
 use mtj_plant::{
     actuator::Command,
     engine::Drive,
@@ -19,6 +26,7 @@ use mtj_plant::{
     sequencer::{Departure, Sequencer},
 };
 use mtj_protocol::sample::Joints;
+use nalgebra::SVector;
 
 /// The next event of a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +71,8 @@ pub(crate) struct Lane<'s, const N: usize, const E: usize> {
     ahead: VecDeque<Option<u64>>,
     sensor: Sensor,
     memory: Option<Memory<E>>,
+    /// What the controller's model of the arm predicts by, and the model.
+    model: Option<(SentTorques, PlanarArm<f64, N>)>,
     measures: Measures<N>,
     /// When commands arrive, and the commands, the first first.
     under_way: VecDeque<(u64, Command<N, E>)>,
@@ -86,6 +96,8 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
             ahead: VecDeque::new(),
             sensor: Sensor::new(scenario),
             memory: scenario.law.has_memory().then(|| Memory::new(&scenario.law.memory)),
+            model: (scenario.law.predicts_by_model())
+                .then(|| (SentTorques::default(), Responder::of(scenario).arm)),
             measures: Measures::new(scenario),
             under_way: VecDeque::new(),
             undelivered: VecDeque::new(),
@@ -177,6 +189,19 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
         }
     }
 
+    /// Where the arm will be a horizon after it was measured now, s, as far as the controller's model
+    /// of the arm knows; `None` without a model.
+    pub(crate) fn ahead(
+        &self,
+        horizon: f64,
+        position: [f64; N],
+        velocity: [f64; N],
+    ) -> Option<Ahead<f64, Configuration<f64, N>, N>> {
+        let (sent, arm) = self.model.as_ref()?;
+        let (position, velocity) = (SVector::from(position), SVector::from(velocity));
+        Some(sent.ahead(arm, self.time_ns, horizon, position, velocity))
+    }
+
     #[inline(always)]
     fn recall(&mut self) -> Option<[f64; E]> {
         let memory = self.memory.as_ref()?;
@@ -238,6 +263,9 @@ impl<'s, const N: usize, const E: usize> Lane<'s, N, E> {
     ) -> Option<Drive<N>> {
         if let Some(memory) = &mut self.memory {
             memory.store(self.time_ns, &echo);
+        }
+        if let Some((sent, _)) = &mut self.model {
+            sent.store(self.time_ns, &torque);
         }
         let (sequence, sampled_ns) = (self.sequence, self.time_ns);
         let is_finite = torque.iter().chain(&echo).all(|x| x.is_finite());

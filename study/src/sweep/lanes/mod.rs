@@ -65,8 +65,12 @@ pub fn shape(scenario: &Scenario) -> Option<BatchShape> {
         });
         scenario.law.law.shape(&mut formulas);
         let (law, arm) = (&scenario.law, &scenario.arm);
-        let choices =
-            [law.prediction.is_some(), law.balances_gravity(arm), Sensor::is_imperfect(scenario)];
+        let choices = [
+            law.prediction.is_some(),
+            law.predicts_by_model(),
+            law.balances_gravity(arm),
+            Sensor::is_imperfect(scenario),
+        ];
         formulas.extend(choices.map(u8::from));
         BatchShape { links, formulas }
     })
