@@ -180,6 +180,26 @@ fn tdc_and_eq_11_allocate_nothing_with_any_mass() {
 }
 
 #[test]
+fn the_other_laws_allocate_nothing() {
+    for links in 2..=7 {
+        for law in [
+            "law={kind='dob', kp=8, kd=4, mass=2, filter='20 ms'}",
+            "law={kind='impedance', kp=60, kd=120}",
+            "law={kind='scct', kp=8, kd=4, inertia=2}",
+            "law={kind='pid', kp=100, kd=40, ki=100}",
+            "law={kind='rate', kp=4, kd=40, ki=10}",
+            "law={kind='adaptive', kp=4, kd=40, adaptation=20, initial='model'}",
+        ] {
+            assert_free(links, &[law]);
+            for prediction in PREDICTIONS {
+                assert_free(links, &[law, prediction]);
+            }
+        }
+    }
+    assert_free(2, &["law={kind='impedance', kp=60, kd=120, inertia=2}"]);
+}
+
+#[test]
 fn the_models_prediction_allocates_nothing() {
     for links in 2..=7 {
         for horizon in PREDICTIONS {

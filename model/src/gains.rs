@@ -1,9 +1,9 @@
-//! The gain matrices K_p and K_d.
+//! Gains: matrices over the task axes, and numbers over the joints.
 
 use nalgebra::{SMatrix, SVector};
 
 use crate::{
-    MAX_AXES, lift, matrix,
+    MAX_AXES, MAX_JOINTS, lift, matrix,
     scalar::Scalar,
     scenario::{
         error::ScenarioError,
@@ -74,11 +74,51 @@ impl Gains<f64, MAX_AXES> {
 }
 
 impl<const M: usize> Gains<f64, M> {
+    /// K⁻¹, which a positive definite matrix has.
+    pub fn inverse(&self) -> Self {
+        match self {
+            Self::Diagonal(diagonal) => Self::Diagonal(diagonal.map(|entry| 1.0 / entry)),
+            Self::Full(full) => Self::Full(full.try_inverse().unwrap_or(*full)),
+        }
+    }
+
     /// Whether xᵀ K x > 0 for every x ≠ 0, judged by the symmetric part.
     pub fn is_positive_definite(&self) -> bool {
         let full = self.matrix();
         let symmetric = (full + full.transpose()) * 0.5;
         full.iter().all(|entry| entry.is_finite())
             && nalgebra::linalg::Cholesky::new(symmetric).is_some()
+    }
+}
+
+/// A gain for each joint, zero or greater: the diagonal of a matrix over the joints.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointGains<T> {
+    /// The gains, base first; those past the last joint mean nothing.
+    pub each: [T; MAX_JOINTS],
+}
+
+lift! { struct JointGains<T> { each } }
+
+impl<T: Scalar> JointGains<T> {
+    /// K x.
+    #[inline(always)]
+    pub fn times<const N: usize>(&self, x: &SVector<T, N>) -> SVector<T, N> {
+        SVector::from_fn(|i, _| self.each[i] * x[i])
+    }
+}
+
+impl JointGains<f64> {
+    /// Reads a gain that is required or has a default, for so many joints.
+    pub(crate) fn read(
+        section: &Section<'_>,
+        key: &Parameter,
+        joints: usize,
+    ) -> Result<Self, ScenarioError> {
+        let list = section.one_or_each(key, joints)?;
+        let list = list.ok_or_else(|| section.refuse(key.name(), key.expected(joints)))?;
+        // What is past the last joint must not make a difference.
+        let each = std::array::from_fn(|i| list.get(i).copied().unwrap_or(1.0));
+        Ok(Self { each })
     }
 }

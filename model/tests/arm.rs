@@ -88,6 +88,7 @@ for_one_two_three_and_seven_links! {
     energy_is_conserved_without_torque = check_energy;
     acceleration_solves_the_equation_of_motion = check_acceleration;
     the_mobility_is_the_acceleration_of_the_tip_for_a_unit_of_force = check_mobility;
+    the_regressor_of_the_own_parameters_is_the_equation_of_motion = check_regressor;
 }
 
 fn check_inertia<const N: usize>() {
@@ -199,6 +200,33 @@ fn check_mobility<const N: usize>() {
         let tip = jacobian * arm.acceleration(&at, &(jacobian.transpose() * force));
         assert!((tip - mobility.column(axis)).norm() < 1e-12, "{tip} is not {mobility}");
     }
+}
+
+fn check_regressor<const N: usize>() {
+    let gravity = Vector2::new(1.3, -9.81);
+    let arm = PlanarArm::new(&links::<N>(), gravity);
+    let (q, v) = (angles::<N>(), rates::<N>());
+    let at = Configuration::new(&q, &v);
+    let a = SVector::<f64, N>::from_fn(|i, _| 1.0 - 0.7 * i as f64);
+    let own = arm.parameters();
+    let torque = arm.regressor_times(&at, &v, &a, &own);
+    let expected = arm.inertia(&at) * a + arm.velocity_terms(&at);
+    assert!((torque - expected).norm() < 1e-12 * expected.norm(), "{N}: {torque} not {expected}");
+    // Y is the same for both products.
+    let other = own.map(|p| (3.0 * p).sin());
+    let r = SVector::<f64, N>::from_fn(|i, _| 0.3 + 0.4 * i as f64);
+    let s = SVector::<f64, N>::from_fn(|i, _| 0.8 - 0.5 * i as f64);
+    let slope = arm.regressor_transpose_times(&at, &r, &a, &s);
+    let along: f64 = slope.iter().zip(other).map(|(slope, p)| slope * p).sum();
+    let power = s.dot(&arm.regressor_times(&at, &r, &a, &other));
+    assert!((along - power).abs() < 1e-12 * (1.0 + power.abs()), "{N}: {along}, {power}");
+    assert!(slope[2 * N..].iter().chain(&own[2 * N..]).all(|rest| *rest == 0.0));
+    // sᵀ (Ḣ − 2 C) s = 0, with Ḣ by a central difference along the motion.
+    let h = 1e-5;
+    let [before, after] = [-h, h].map(|h| arm.inertia(&Configuration::new(&(q + v * h), &v)) * s);
+    let coriolis = arm.regressor_times(&at, &s, &SVector::zeros(), &own) - arm.gravity(&q);
+    let rate = s.dot(&(after - before)) / (2.0 * h);
+    assert!((rate - 2.0 * s.dot(&coriolis)).abs() < 1e-7, "{N}: {rate}, {coriolis}");
 }
 
 #[test]

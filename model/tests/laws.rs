@@ -29,5 +29,5 @@ fn a_law_is_found_by_its_name_and_no_two_have_the_same() {
         assert_eq!(find(law.name), Some(*law));
         assert_eq!(LAWS.iter().filter(|other| other.name == law.name).count(), 1, "{}", law.name);
     }
-    assert_eq!(find("pid"), None);
+    assert_eq!(find("no such law"), None);
 }

@@ -8,7 +8,7 @@ use mtj_model::{
     MAX_AXES,
     gains::Gains,
     law::{
-        Law,
+        LAWS, Law,
         factor::{FactorKind, Thresholds},
         find,
         mass::Mass,
@@ -37,6 +37,7 @@ fn gains(scenario: &Scenario) -> [Gains<f64, MAX_AXES>; 2] {
         Law::Mtj(law) => [law.tj.kp, law.tj.kd],
         Law::Mb(law) => [law.kp, law.kd],
         Law::Tdc(law) => [law.kp, law.kd],
+        law => panic!("{law:?} is none of the scenarios here"),
     }
 }
 
@@ -183,7 +184,7 @@ fn a_scenario_survives_being_shown_and_read_again() {
 #[test]
 fn a_refusal_names_origin_key_and_value() {
     for (set, words) in [
-        ("law.kind=pid", &["law.kind = \"pid\"", "\"tj\", \"mtj\", \"mb\", \"tdc\""][..]),
+        ("law.kind=lqr", &["law.kind = \"lqr\"", "\"tj\", \"mtj\", \"mb\", \"tdc\""][..]),
         ("law.gain=3", &["law.gain = 3", "no key 'gain'", "kp"]),
         ("speed=3", &["speed = 3", "no key 'speed'", "duration"]),
         ("arm.links[1].mass=-3", &["arm.links[1].mass = -3", "a number in kg greater than 0"]),
@@ -308,9 +309,15 @@ fn a_bus_alone_is_read_with_the_same_care() {
 
 #[test]
 fn only_mb_is_refused_on_a_redundant_arm() {
-    for (law, accepted) in [("tj", true), ("mtj", true), ("mb", false), ("tdc", true)] {
-        let found = overridden("redundant/mtj", &[&format!("law.kind={law}"), "law.mass=2"]);
-        assert_eq!(found.is_ok(), accepted, "{law}");
+    let needs = ["law.mass=2", "law.filter=20ms", "law.inertia=2", "law.adaptation=20"];
+    let accepts = |name: &str, kind: &str, needs: &[&str]| {
+        overridden(name, &[&[&*format!("law.kind={kind}")], needs].concat()).is_ok()
+    };
+    for law in LAWS {
+        // With a desired inertia the law is computed torque.
+        let needs = if law.name == "impedance" { &[][..] } else { &needs[..] };
+        assert_eq!(accepts("redundant/mtj", law.name, needs), law.name != "mb", "{}", law.name);
+        assert!(accepts("sampled/mtj", law.name, needs), "{}", law.name);
     }
 }
 

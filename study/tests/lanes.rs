@@ -45,6 +45,14 @@ variants = [
     { name = "mb ahead", set = { "law.kind" = "mb", "law.kp" = 8, "law.kd" = 4, "law.prediction.horizon" = "3 ms" } },
     { name = "mb by model", set = { "law.kind" = "mb", "law.kp" = 8, "law.kd" = 4, "law.prediction.horizon" = "measured", "law.prediction.model" = "rigid-body", "law.model.mass_scale" = 0.95 } },
     { name = "tj by model", set = { "law.kind" = "tj", "law.kp" = 60, "law.kd" = 100, "law.prediction.horizon" = "12 ms", "law.prediction.model" = "rigid-body" } },
+    { name = "dob", set = { "law.kind" = "dob", "law.kp" = 8, "law.kd" = 4, "law.mass" = [1.0, 1.5], "law.filter" = "30 ms", "law.memory.policy" = "delivered" } },
+    { name = "impedance", set = { "law.kind" = "impedance", "law.kp" = 60, "law.kd" = [100, 90] } },
+    { name = "impedance shaped", set = { "law.kind" = "impedance", "law.kp" = 16, "law.kd" = 8, "law.inertia" = [[2.0, 0.3], [0.3, 1.5]] } },
+    { name = "scct", set = { "law.kind" = "scct", "law.kp" = 8, "law.kd" = 4, "law.inertia" = [5.0, 1.5] } },
+    { name = "pid", set = { "law.kind" = "pid", "law.kp" = [100, 80], "law.kd" = 40, "law.ki" = 90 } },
+    { name = "rate", set = { "law.kind" = "rate", "law.kp" = 4, "law.kd" = 40, "law.ki" = [5, 6] } },
+    { name = "adaptive", set = { "law.kind" = "adaptive", "law.kp" = 4, "law.kd" = 40, "law.adaptation" = 20 } },
+    { name = "adaptive model", set = { "law.kind" = "adaptive", "law.kp" = 4, "law.kd" = [40, 30], "law.adaptation" = 5, "law.initial" = "model", "law.model.mass_scale" = 0.8 } },
 ]
 
 [[axes]]

@@ -80,7 +80,10 @@ pub mod wall;
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::{matrix, scalar::Scalar, task::Task};
+use crate::{MAX_JOINTS, matrix, scalar::Scalar, task::Task};
+
+/// The most inertial parameters in which the dynamics of an arm are linear.
+pub const PARAMETERS: usize = 2 * MAX_JOINTS;
 
 /// Rigid-body dynamics, eq. (1): H q̈ + C = τ.
 pub trait Arm<T: Scalar, const N: usize>: Copy {
@@ -107,6 +110,37 @@ pub trait Arm<T: Scalar, const N: usize>: Copy {
     }
     /// Joint accelerations q̈ = H⁻¹ (τ − C) under joint torques τ, rad/s².
     fn acceleration(&self, at: &Self::Configuration, torque: &SVector<T, N>) -> SVector<T, N>;
+    /// The inertial parameters p in which H and C are linear; zeros past the last, and for an arm
+    /// that does not say them.
+    #[inline(always)]
+    fn parameters(&self) -> [T; PARAMETERS] {
+        [T::zero(); _]
+    }
+    /// Y p = H q̈_r + C(q, q̇) q̇_r + g for other parameters p than the arm's own, N m. Ḣ − 2 C(q, q̇)
+    /// is skew-symmetric, and C(q, q̇) q̇ + g are the [velocity terms](Self::velocity_terms).
+    ///
+    /// q̇_r are reference `velocity`s of the joints, rad/s, and q̈_r their `acceleration`s.
+    #[inline(always)]
+    fn regressor_times(
+        &self,
+        _at: &Self::Configuration,
+        _velocity: &SVector<T, N>,
+        _acceleration: &SVector<T, N>,
+        _parameters: &[T; PARAMETERS],
+    ) -> SVector<T, N> {
+        SVector::zeros()
+    }
+    /// Yᵀ s for the same Y.
+    #[inline(always)]
+    fn regressor_transpose_times(
+        &self,
+        _at: &Self::Configuration,
+        _velocity: &SVector<T, N>,
+        _acceleration: &SVector<T, N>,
+        _s: &SVector<T, N>,
+    ) -> [T; PARAMETERS] {
+        [T::zero(); _]
+    }
 }
 
 /// What the tip of an arm does, seen from a task with `M` axes.

@@ -12,7 +12,7 @@
 
 use nalgebra::{SMatrix, SVector, Vector2};
 
-use super::{Arm, Kinematics};
+use super::{Arm, Kinematics, PARAMETERS};
 use crate::{lift, matrix, scalar::Scalar};
 
 /// One link: a rigid bar that turns about the end of the one before it.
@@ -202,6 +202,107 @@ impl<T: Scalar, const N: usize> Arm<T, N> for PlanarArm<T, N> {
         }
         out
     }
+
+    /// Dᵢ = Σ_{k ≥ i} aₖₖ, kg m², and behind them bᵢ, kg m: 2 N parameters. Those of a horizontal
+    /// arm of two links are the textbook's: D₁ = a₁, D₂ = a₂ and l₁ b₂ = a₃ in H₁₁ = a₁ + 2 a₃ cos q₂,
+    /// H₁₂ = a₂ + a₃ cos q₂, H₂₂ = a₂.
+    #[inline(always)]
+    fn parameters(&self) -> [T; PARAMETERS] {
+        let mut parameters = [T::zero(); _];
+        let mut outer = T::zero();
+        for i in (0..N).rev() {
+            outer += self.coupling[i][i];
+            parameters[i] = outer;
+            parameters[N + i] = self.moment[i];
+        }
+        parameters
+    }
+
+    #[inline(always)]
+    fn regressor_times(
+        &self,
+        at: &Configuration<T, N>,
+        velocity: &SVector<T, N>,
+        acceleration: &SVector<T, N>,
+        parameters: &[T; PARAMETERS],
+    ) -> SVector<T, N> {
+        let (rate, acceleration) = (absolute(velocity), absolute(acceleration));
+        let mut force = SVector::<T, N>::zeros();
+        for i in 0..N {
+            let moment = parameters[N + i];
+            let outer = if i + 1 < N { parameters[i + 1] } else { T::zero() };
+            force[i] += (parameters[i] - outer) * acceleration[i] + moment * self.weight(at, i);
+            for j in 0..i {
+                let (on_i, on_j) = self.pair(at, (i, j), &rate, &acceleration);
+                force[i] += moment * on_i;
+                force[j] += moment * on_j;
+            }
+        }
+        for i in (1..N).rev() {
+            let outer = force[i];
+            force[i - 1] += outer;
+        }
+        force
+    }
+
+    #[inline(always)]
+    fn regressor_transpose_times(
+        &self,
+        at: &Configuration<T, N>,
+        velocity: &SVector<T, N>,
+        acceleration: &SVector<T, N>,
+        s: &SVector<T, N>,
+    ) -> [T; PARAMETERS] {
+        let (rate, acceleration, s) = (absolute(velocity), absolute(acceleration), absolute(s));
+        let mut slope = [T::zero(); PARAMETERS];
+        for i in 0..N {
+            slope[i] = acceleration[i] * s[i];
+            if i > 0 {
+                slope[i] -= acceleration[i - 1] * s[i - 1];
+            }
+            slope[N + i] = self.weight(at, i) * s[i];
+            for j in 0..i {
+                let (on_i, on_j) = self.pair(at, (i, j), &rate, &acceleration);
+                slope[N + i] += on_i * s[i] + on_j * s[j];
+            }
+        }
+        slope
+    }
+}
+
+impl<T: Scalar, const N: usize> PlanarArm<T, N> {
+    /// What the coupling aᵢⱼ = lⱼ bᵢ of links i and j < i adds to the forces in the absolute angles of
+    /// i and of j, for bᵢ = 1.
+    #[inline(always)]
+    fn pair(
+        &self,
+        at: &Configuration<T, N>,
+        (i, j): (usize, usize),
+        rate: &[T; N],
+        acceleration: &[T; N],
+    ) -> (T, T) {
+        let (length, cos, sin) = (self.lengths[j], at.cos_between(i, j), at.sin_between(i, j));
+        (
+            length * (cos * acceleration[j] + sin * at.rate[j] * rate[j]),
+            length * (cos * acceleration[i] - sin * at.rate[i] * rate[i]),
+        )
+    }
+
+    /// The weight of a first moment of one in the absolute angle of link i.
+    #[inline(always)]
+    fn weight(&self, at: &Configuration<T, N>, i: usize) -> T {
+        self.gravity.x * at.sin[i] - self.gravity.y * at.cos[i]
+    }
+}
+
+/// x₁, x₁ + x₂, …: joint rates as those of the absolute angles.
+#[inline(always)]
+fn absolute<T: Scalar, const N: usize>(joints: &SVector<T, N>) -> [T; N] {
+    let mut sum = T::zero();
+    std::array::from_fn(|i| {
+        sum += joints[i];
+        sum
+    })
 }
 
 /// The task has `M` axes, the first `M` of tip position x, tip position y and orientation of the

@@ -3,8 +3,9 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation, State, Unsuited,
-    describe::{Description, Parameter, Per, Signal},
+    Command, Declaration, Equation, Signals, Situation, Size, State, Unsuited,
+    describe::{Description, Parameter},
+    inverse::DAMPING,
     mass,
     tj::{FORCE, KD, KP},
 };
@@ -44,16 +45,6 @@ pub(super) const KD_OF_ACCELERATION: Parameter = Parameter {
     ..KD
 };
 
-/// How strongly the inverse of the Jacobian is damped, near a singular posture.
-const DAMPING: Signal = Signal {
-    key: "damping",
-    symbol: "λ²",
-    title: "Damping of J⁻¹ near a singular posture",
-    unit: "",
-    per: Per::Arm,
-    range: Some([0.0, 1.0]),
-};
-
 impl Declaration for ModelBased<f64, MAX_AXES> {
     const DESCRIPTION: Description = Description {
         name: "mb",
@@ -66,17 +57,26 @@ impl Declaration for ModelBased<f64, MAX_AXES> {
         signals: &[DAMPING],
     };
 
-    fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
+    fn read(law: &Section<'_>, size: Size) -> Result<Self, ScenarioError> {
         Ok(Self {
-            kp: Gains::read(law, &KP_OF_ACCELERATION, axes)?,
-            kd: Gains::read(law, &KD_OF_ACCELERATION, axes)?,
+            kp: Gains::read(law, &KP_OF_ACCELERATION, size.axes)?,
+            kd: Gains::read(law, &KD_OF_ACCELERATION, size.axes)?,
         })
     }
 
     fn check(&self, arm: &ArmSettings, task: &task::Description) -> Result<(), Unsuited> {
-        let (joints, axes) = (arm.links.len(), task.axes.len());
-        if joints == axes { Ok(()) } else { Err(Unsuited::NotSquare { joints, axes }) }
+        check_square("mb", arm, task)
     }
+}
+
+/// Refuses an arm whose Jacobian is not square, for a law that computes Ĉ.
+pub(super) fn check_square(
+    law: &'static str,
+    arm: &ArmSettings,
+    task: &task::Description,
+) -> Result<(), Unsuited> {
+    let (joints, axes) = (arm.links.len(), task.axes.len());
+    if joints == axes { Ok(()) } else { Err(Unsuited::NotSquare { law, joints, axes }) }
 }
 
 impl<T: Scalar, const M: usize> ModelBased<T, M> {
@@ -116,7 +116,7 @@ impl<T: Scalar, const M: usize> Equation<T, M> for ModelBased<T, M> {
 /// Ĥ and Ĉ of the model, and how strongly J⁻¹ is damped for them. Means nothing for an arm whose
 /// Jacobian is not square.
 #[inline(always)]
-fn task_dynamics<T: Scalar, A: Kinematics<T, N, M>, const N: usize, const M: usize>(
+pub(super) fn task_dynamics<T: Scalar, A: Kinematics<T, N, M>, const N: usize, const M: usize>(
     now: &Situation<'_, T, A, N, M>,
 ) -> (TaskDynamics<T, M>, T) {
     let (mut jacobian, mut inertia) = (SMatrix::<T, M, M>::zeros(), SMatrix::<T, M, M>::zeros());

@@ -69,11 +69,18 @@
 //! assert!((torque.y - 20.0).abs() < 1e-6, "never more than the bound");
 //! ```
 
+pub mod adaptive;
 pub mod describe;
+pub mod dob;
 pub mod factor;
+pub mod impedance;
+pub mod inverse;
 pub mod mass;
 pub mod mb;
 pub mod mtj;
+pub mod pid;
+pub mod rate;
+pub mod scct;
 pub mod tdc;
 pub mod tj;
 
@@ -194,10 +201,24 @@ pub trait Equation<T: Scalar, const M: usize>: Copy {
 pub enum Unsuited {
     /// The law inverts J, which has to be square for that.
     #[error(
-        "tj or mtj, because mb inverts the Jacobian and this arm's is not square ({joints} joints \
+        "tj or mtj, because {law} inverts the Jacobian and this arm's is not square ({joints} joints \
          for {axes} task axes)"
     )]
     NotSquare {
+        /// The law.
+        law: &'static str,
+        /// Joints of the arm.
+        joints: usize,
+        /// Axes of the task.
+        axes: usize,
+    },
+    /// The law needs joint velocities for every velocity of the tip.
+    #[error(
+        "tj or mtj, because {law} needs a joint for each task axis and this arm has {joints} for {axes}"
+    )]
+    TooFewJoints {
+        /// The law.
+        law: &'static str,
         /// Joints of the arm.
         joints: usize,
         /// Axes of the task.
@@ -220,10 +241,19 @@ impl Unsuited {
     /// The key of the `law` table that has to change.
     pub fn key(&self) -> &'static str {
         match self {
-            Self::NotSquare { .. } => "kind",
+            Self::NotSquare { .. } | Self::TooFewJoints { .. } => "kind",
             Self::NoTaskInertia { .. } => "mass",
         }
     }
+}
+
+/// How many numbers a list has that a law reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// Joints of the arm.
+    pub joints: usize,
+    /// Axes of the task.
+    pub axes: usize,
 }
 
 /// The declaration of a law: its description, and how a scenario's settings are read.
@@ -231,8 +261,11 @@ trait Declaration: Sized {
     /// Its name, parameters and signals.
     const DESCRIPTION: Description;
 
-    /// Reads the settings from a scenario's `law` table, for a task with so many axes.
-    fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError>;
+    /// Reads the settings from a scenario's `law` table.
+    ///
+    /// The scenario may name another law: a key that this one needs may be missing. It reads its own
+    /// keys all the same, before it returns an error about one, so that all keys are known.
+    fn read(law: &Section<'_>, size: Size) -> Result<Self, ScenarioError>;
 
     /// Whether the law can control an arm in a task.
     fn check(&self, _: &ArmSettings, _: &task::Description) -> Result<(), Unsuited> {
@@ -292,10 +325,10 @@ macro_rules! register {
 
         impl Law<f64, MAX_AXES> {
             /// Reads the law of this name. Keys that only other laws have must be valid for them.
-            fn of(name: &str, law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
+            fn of(name: &str, law: &Section<'_>, size: Size) -> Result<Self, ScenarioError> {
                 let mut chosen = None;
                 $(
-                    let read = $module::$law::read(law, axes).map(Self::$variant);
+                    let read = $module::$law::read(law, size).map(Self::$variant);
                     let description = &<$module::$law<f64, MAX_AXES> as Declaration>::DESCRIPTION;
                     match read {
                         read if description.name == name => chosen = Some(read?),
@@ -321,6 +354,12 @@ register! {
     Mtj(mtj::ModifiedTransposeJacobian),
     Mb(mb::ModelBased),
     Tdc(tdc::TimeDelay),
+    Dob(dob::DisturbanceObserver),
+    Impedance(impedance::Impedance),
+    Scct(scct::SimplifiedComputedTorque),
+    Pid(pid::JointPid),
+    Rate(rate::MotionRate),
+    Adaptive(adaptive::Adaptive),
 }
 
 /// The names of all laws, as [`LAWS`] has them.
@@ -357,8 +396,8 @@ fn is_for_others(error: &ScenarioError, name: &str) -> bool {
 }
 
 impl Law<f64, MAX_AXES> {
-    /// Reads the law that a scenario's `law` table names, for a task with so many axes.
-    pub fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
-        Self::of(law.word(&KIND, &NAMES)?, law, axes)
+    /// Reads the law that a scenario's `law` table names.
+    pub fn read(law: &Section<'_>, size: Size) -> Result<Self, ScenarioError> {
+        Self::of(law.word(&KIND, &NAMES)?, law, size)
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation, State,
+    Command, Declaration, Equation, Signals, Situation, Size, State,
     describe::{Default, Description, Form, Parameter, Per, Signal},
 };
 use crate::{
@@ -71,8 +71,8 @@ impl Declaration for TransposeJacobian<f64, MAX_AXES> {
         signals: &[],
     };
 
-    fn read(law: &Section<'_>, axes: usize) -> Result<Self, ScenarioError> {
-        Ok(Self { kp: Gains::read(law, &KP, axes)?, kd: Gains::read(law, &KD, axes)? })
+    fn read(law: &Section<'_>, size: Size) -> Result<Self, ScenarioError> {
+        Ok(Self { kp: Gains::read(law, &KP, size.axes)?, kd: Gains::read(law, &KD, size.axes)? })
     }
 }
 

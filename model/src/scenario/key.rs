@@ -106,7 +106,7 @@ impl Parameter {
     }
 
     /// What an error says would be accepted; `count` is the number of joints or axes.
-    pub(super) fn expected(&self, count: usize) -> String {
+    pub(crate) fn expected(&self, count: usize) -> String {
         let unit = self.in_unit();
         match self.form {
             Form::Choice(words) => format!("one of {}", quoted(words).join(", ")),

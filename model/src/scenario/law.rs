@@ -6,11 +6,10 @@ use super::{ArmSettings, error::ScenarioError, section::Section};
 use crate::{
     MAX_AXES,
     law::{
-        Equation, Law,
+        Equation, Law, Size,
         describe::{Default, Form, Parameter},
         mass,
     },
-    task,
 };
 
 /// What the controller does.
@@ -139,12 +138,12 @@ pub enum Horizon {
 impl LawSettings {
     pub(super) fn read(
         law: Section<'_>,
-        task: &task::Description,
+        size: Size,
         sample_period: Duration,
     ) -> Result<Self, ScenarioError> {
         let prediction = law.section_or_empty("prediction")?;
         let settings = Self {
-            law: Law::read(&law, task.axes.len())?,
+            law: Law::read(&law, size)?,
             memory: MemorySettings::read(law.section_or_empty("memory")?, sample_period)?,
             prediction: Horizon::read(&prediction)?,
             prediction_model: prediction
