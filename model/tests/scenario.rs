@@ -33,7 +33,7 @@ fn refusal(sets: &[&str]) -> String {
 /// K_p and K_d of any law.
 fn gains(scenario: &Scenario) -> [Gains<f64, MAX_AXES>; 2] {
     match scenario.law.law {
-        Law::Tj(law) => [law.kp, law.kd],
+        Law::Tj(law) => [law.gains.kp, law.gains.kd],
         Law::Mtj(law) => [law.tj.kp, law.tj.kd],
         Law::Mb(law) => [law.kp, law.kd],
         Law::Tdc(law) => [law.kp, law.kd],

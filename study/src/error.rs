@@ -177,6 +177,16 @@ pub enum StudyError {
         /// What was tried last, and the limit that it did not satisfy.
         last: Option<Box<dyn Error + Send + Sync>>,
     },
+    /// No linear theory describes the loop.
+    #[error(
+        "the largest latency of law.kind = \"{law}\" is not predicted: {reason}; 'mtj study' finds it"
+    )]
+    NoTheory {
+        /// The law.
+        law: &'static str,
+        /// Why not.
+        reason: &'static str,
+    },
     /// The user ended it.
     #[error("stopped before {0}")]
     Stopped(&'static str),
@@ -205,6 +215,7 @@ impl StudyError {
             | Self::NotARow { .. }
             | Self::TwoResults { .. }
             | Self::NoResults(_)
+            | Self::NoTheory { .. }
             | Self::NoRows { .. }
             | Self::AllFailed { .. } => true,
             Self::Spawn(_)

@@ -92,6 +92,15 @@ pub trait Arm<T: Scalar, const N: usize>: Copy {
 
     /// The configuration at joint positions `q`, rad, and joint velocities `q_dot`, rad/s.
     fn configuration(q: &SVector<T, N>, q_dot: &SVector<T, N>) -> Self::Configuration;
+    /// The configuration at the joint positions of another one, `q`, with other joint velocities.
+    #[inline(always)]
+    fn turning(
+        _at: &Self::Configuration,
+        q: &SVector<T, N>,
+        q_dot: &SVector<T, N>,
+    ) -> Self::Configuration {
+        Self::configuration(q, q_dot)
+    }
     /// Combines two configurations number by number with `choose`: lanes may differ in their
     /// choice.
     fn combine(

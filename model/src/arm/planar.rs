@@ -125,6 +125,15 @@ impl<T: Scalar, const N: usize> Arm<T, N> for PlanarArm<T, N> {
     }
 
     #[inline(always)]
+    fn turning(
+        at: &Configuration<T, N>,
+        _: &SVector<T, N>,
+        q_dot: &SVector<T, N>,
+    ) -> Configuration<T, N> {
+        Configuration { rate: absolute(q_dot), ..*at }
+    }
+
+    #[inline(always)]
     fn combine(
         one: &Configuration<T, N>,
         other: &Configuration<T, N>,

@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation, Size, State, Unsuited,
+    Command, Declaration, Equation, Signals, Situation, State, Unsuited,
     describe::{Default, Description, Form, Parameter, Per, Signal},
     inverse::{self, KD_OF_JOINTS, PseudoInverse, TORQUE},
     mass,
@@ -117,12 +117,17 @@ impl Declaration for Adaptive<f64, MAX_AXES> {
         signals: &[COUPLING, MOMENT],
     };
 
-    fn read(law: &Section<'_>, size: Size) -> Result<Self, ScenarioError> {
+    fn read(
+        law: &Section<'_>,
+        arm: &ArmSettings,
+        task: &task::Description,
+    ) -> Result<Self, ScenarioError> {
+        let (joints, axes) = (arm.links.len(), task.axes.len());
         let initial = law.word(&INITIAL, &[Initial::Zero, Initial::Model]);
         let adaptation = law.number(&ADAPTATION);
         Ok(Self {
-            kp: Gains::read(law, &RATE, size.axes)?,
-            kd: JointGains::read(law, &KD_OF_JOINTS, size.joints)?,
+            kp: Gains::read(law, &RATE, axes)?,
+            kd: JointGains::read(law, &KD_OF_JOINTS, joints)?,
             adaptation: adaptation?,
             initial: initial?,
         })
@@ -182,7 +187,7 @@ fn jacobian_rate_times<T: Scalar, A: Kinematics<T, N, M>, const N: usize, const 
     reference: &SVector<T, N>,
 ) -> SVector<T, M> {
     let bend = |velocity: SVector<T, N>| {
-        now.arm.jacobian_rate_velocity(&A::configuration(now.position, &velocity))
+        now.arm.jacobian_rate_velocity(&A::turning(now.at, now.position, &velocity))
     };
     (bend(now.velocity + reference) - bend(now.velocity - reference)) * T::constant(0.25)
 }

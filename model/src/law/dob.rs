@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation, Size, State, Unsuited,
+    Command, Declaration, Equation, Signals, Situation, State, Unsuited,
     describe::{Default, Description, Form, Parameter, Per, Signal},
     inverse::DAMPING,
     mass::{self, Mass},
@@ -81,12 +81,17 @@ impl Declaration for DisturbanceObserver<f64, MAX_AXES> {
         signals: &[DAMPING, DISTURBANCE],
     };
 
-    fn read(law: &Section<'_>, size: Size) -> Result<Self, ScenarioError> {
+    fn read(
+        law: &Section<'_>,
+        _: &ArmSettings,
+        task: &task::Description,
+    ) -> Result<Self, ScenarioError> {
+        let axes = task.axes.len();
         let filter = law.duration(&FILTER);
         Ok(Self {
-            kp: Gains::read(law, &KP_OF_ACCELERATION, size.axes)?,
-            kd: Gains::read(law, &KD_OF_ACCELERATION, size.axes)?,
-            mass: Mass::read(law, &MASS, size.axes)?,
+            kp: Gains::read(law, &KP_OF_ACCELERATION, axes)?,
+            kd: Gains::read(law, &KD_OF_ACCELERATION, axes)?,
+            mass: Mass::read(law, &MASS, axes)?,
             filter: filter?.as_secs_f64(),
         })
     }

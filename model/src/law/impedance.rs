@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation, Size, State, Unsuited,
+    Command, Declaration, Equation, Signals, Situation, State, Unsuited,
     describe::{Default, Description, Form, Parameter},
     inverse::DAMPING,
     mb,
@@ -64,10 +64,15 @@ impl Declaration for Impedance<f64, MAX_AXES> {
         signals: &[DAMPING],
     };
 
-    fn read(law: &Section<'_>, size: Size) -> Result<Self, ScenarioError> {
-        let inertia = law.find(&INERTIA, size.axes, |value| Gains::of(value, size.axes))?;
+    fn read(
+        law: &Section<'_>,
+        _: &ArmSettings,
+        task: &task::Description,
+    ) -> Result<Self, ScenarioError> {
+        let axes = task.axes.len();
+        let inertia = law.find(&INERTIA, axes, |value| Gains::of(value, axes))?;
         Ok(Self {
-            tj: TransposeJacobian::read(law, size)?,
+            tj: TransposeJacobian::read(law, axes)?,
             mobility: inertia.map(|inertia| inertia.inverse()),
         })
     }

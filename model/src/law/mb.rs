@@ -3,7 +3,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation, Size, State, Unsuited,
+    Command, Declaration, Equation, Signals, Situation, State, Unsuited,
     describe::{Description, Parameter},
     inverse::DAMPING,
     mass,
@@ -57,10 +57,15 @@ impl Declaration for ModelBased<f64, MAX_AXES> {
         signals: &[DAMPING],
     };
 
-    fn read(law: &Section<'_>, size: Size) -> Result<Self, ScenarioError> {
+    fn read(
+        law: &Section<'_>,
+        _: &ArmSettings,
+        task: &task::Description,
+    ) -> Result<Self, ScenarioError> {
+        let axes = task.axes.len();
         Ok(Self {
-            kp: Gains::read(law, &KP_OF_ACCELERATION, size.axes)?,
-            kd: Gains::read(law, &KD_OF_ACCELERATION, size.axes)?,
+            kp: Gains::read(law, &KP_OF_ACCELERATION, axes)?,
+            kd: Gains::read(law, &KD_OF_ACCELERATION, axes)?,
         })
     }
 

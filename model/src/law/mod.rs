@@ -247,25 +247,20 @@ impl Unsuited {
     }
 }
 
-/// How many numbers a list has that a law reads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Size {
-    /// Joints of the arm.
-    pub joints: usize,
-    /// Axes of the task.
-    pub axes: usize,
-}
-
 /// The declaration of a law: its description, and how a scenario's settings are read.
 trait Declaration: Sized {
     /// Its name, parameters and signals.
     const DESCRIPTION: Description;
 
-    /// Reads the settings from a scenario's `law` table.
+    /// Reads the settings from a scenario's `law` table, for an arm and a task.
     ///
     /// The scenario may name another law: a key that this one needs may be missing. It reads its own
     /// keys all the same, before it returns an error about one, so that all keys are known.
-    fn read(law: &Section<'_>, size: Size) -> Result<Self, ScenarioError>;
+    fn read(
+        law: &Section<'_>,
+        arm: &ArmSettings,
+        task: &task::Description,
+    ) -> Result<Self, ScenarioError>;
 
     /// Whether the law can control an arm in a task.
     fn check(&self, _: &ArmSettings, _: &task::Description) -> Result<(), Unsuited> {
@@ -325,10 +320,15 @@ macro_rules! register {
 
         impl Law<f64, MAX_AXES> {
             /// Reads the law of this name. Keys that only other laws have must be valid for them.
-            fn of(name: &str, law: &Section<'_>, size: Size) -> Result<Self, ScenarioError> {
+            fn of(
+                name: &str,
+                law: &Section<'_>,
+                arm: &ArmSettings,
+                task: &task::Description,
+            ) -> Result<Self, ScenarioError> {
                 let mut chosen = None;
                 $(
-                    let read = $module::$law::read(law, size).map(Self::$variant);
+                    let read = $module::$law::read(law, arm, task).map(Self::$variant);
                     let description = &<$module::$law<f64, MAX_AXES> as Declaration>::DESCRIPTION;
                     match read {
                         read if description.name == name => chosen = Some(read?),
@@ -350,7 +350,7 @@ macro_rules! register {
 }
 
 register! {
-    Tj(tj::TransposeJacobian),
+    Tj(tj::TransposeJacobianControl),
     Mtj(mtj::ModifiedTransposeJacobian),
     Mb(mb::ModelBased),
     Tdc(tdc::TimeDelay),
@@ -397,7 +397,11 @@ fn is_for_others(error: &ScenarioError, name: &str) -> bool {
 
 impl Law<f64, MAX_AXES> {
     /// Reads the law that a scenario's `law` table names.
-    pub fn read(law: &Section<'_>, size: Size) -> Result<Self, ScenarioError> {
-        Self::of(law.word(&KIND, &NAMES)?, law, size)
+    pub fn read(
+        law: &Section<'_>,
+        arm: &ArmSettings,
+        task: &task::Description,
+    ) -> Result<Self, ScenarioError> {
+        Self::of(law.word(&KIND, &NAMES)?, law, arm, task)
     }
 }

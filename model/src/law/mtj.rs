@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation, Size, State, Unsuited,
+    Command, Declaration, Equation, Signals, Situation, State, Unsuited,
     describe::{Default, Description, Form, Parameter},
     factor::{self, Factor, WithMemory},
     mass::{self, Mass},
@@ -69,12 +69,18 @@ impl Declaration for ModifiedTransposeJacobian<f64, MAX_AXES> {
         signals: factor::SIGNALS,
     };
 
-    fn read(law: &Section<'_>, size: Size) -> Result<Self, ScenarioError> {
-        let tj = TransposeJacobian::read(law, size)?;
-        let adds_acceleration = law.flag(&ACCELERATION)?;
-        let mass = Mass::read(law, &mass::PARAMETER, size.axes)?;
-        let factor = Factor::read(law, &factor::KIND, size.axes)?;
-        Ok(Self { tj, factor, acceleration: adds_acceleration.then_some(mass) })
+    fn read(
+        law: &Section<'_>,
+        _: &ArmSettings,
+        task: &task::Description,
+    ) -> Result<Self, ScenarioError> {
+        let axes = task.axes.len();
+        let tj = TransposeJacobian::read(law, axes);
+        let adds_acceleration = law.flag(&ACCELERATION);
+        let mass = Mass::read(law, &mass::PARAMETER, axes);
+        let factor = Factor::read(law, &factor::KIND, axes);
+        let mass = mass?;
+        Ok(Self { tj: tj?, factor: factor?, acceleration: adds_acceleration?.then_some(mass) })
     }
 
     fn check(&self, arm: &ArmSettings, task: &task::Description) -> Result<(), Unsuited> {

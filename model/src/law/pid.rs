@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation, Size, State, Unsuited,
+    Command, Declaration, Equation, Signals, Situation, State, Unsuited,
     describe::{Default, Description, Form, Parameter, Per, Signal},
     inverse::{self, DAMPING, KD_OF_JOINTS, PseudoInverse, TORQUE},
 };
@@ -44,7 +44,7 @@ pub struct JointPid<T, const M: usize> {
 lift! { struct JointPid<T, M> { kp, kd, ki } }
 
 /// Steps of Newton's method a sample. An error of ε rad becomes about ε² in a step, so that two leave
-/// about 1e-8 rad where x_d moves by a centimetre a sample.
+/// about 1e-7 rad where x_d moves by centimetres a sample.
 pub const STEPS: usize = 2;
 
 /// law.kp.
@@ -89,11 +89,16 @@ impl Declaration for JointPid<f64, MAX_AXES> {
         signals: &[DAMPING, DESIRED],
     };
 
-    fn read(law: &Section<'_>, size: Size) -> Result<Self, ScenarioError> {
-        let ki = JointGains::read(law, &KI, size.joints);
+    fn read(
+        law: &Section<'_>,
+        arm: &ArmSettings,
+        _: &task::Description,
+    ) -> Result<Self, ScenarioError> {
+        let joints = arm.links.len();
+        let ki = JointGains::read(law, &KI, joints);
         Ok(Self {
-            kp: JointGains::read(law, &KP, size.joints)?,
-            kd: JointGains::read(law, &KD_OF_JOINTS, size.joints)?,
+            kp: JointGains::read(law, &KP, joints)?,
+            kd: JointGains::read(law, &KD_OF_JOINTS, joints)?,
             ki: ki?,
         })
     }
@@ -137,13 +142,15 @@ fn follow<T: Scalar, A: Kinematics<T, N, M>, const N: usize, const M: usize>(
     now: &Situation<'_, T, A, N, M>,
     mut position: SVector<T, N>,
 ) -> (SVector<T, N>, PseudoInverse<T, N, M>) {
-    let at_rest = |position: &SVector<T, N>| A::configuration(position, &SVector::zeros());
-    for _ in 0..STEPS {
-        let at = at_rest(&position);
+    let mut step = 0;
+    loop {
+        let at = A::configuration(&position, &SVector::zeros());
         let inverse = PseudoInverse::new(now.arm.jacobian(&at));
+        if step == STEPS {
+            return (position, inverse);
+        }
         let missing = A::Point::difference(&now.desired.point, &now.arm.tip(&at));
         position += inverse.times(&missing);
+        step += 1;
     }
-    let inverse = PseudoInverse::new(now.arm.jacobian(&at_rest(&position)));
-    (position, inverse)
 }

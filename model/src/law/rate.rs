@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation, Size, State, Unsuited,
+    Command, Declaration, Equation, Signals, Situation, State, Unsuited,
     describe::{Default, Description, Form, Parameter, Per, Signal},
     inverse::{self, DAMPING, KD_OF_JOINTS, PseudoInverse, TORQUE},
     tj::KP,
@@ -75,11 +75,16 @@ impl Declaration for MotionRate<f64, MAX_AXES> {
         signals: &[DAMPING, COMMANDED],
     };
 
-    fn read(law: &Section<'_>, size: Size) -> Result<Self, ScenarioError> {
-        let ki = JointGains::read(law, &KI, size.joints);
+    fn read(
+        law: &Section<'_>,
+        arm: &ArmSettings,
+        task: &task::Description,
+    ) -> Result<Self, ScenarioError> {
+        let (joints, axes) = (arm.links.len(), task.axes.len());
+        let ki = JointGains::read(law, &KI, joints);
         Ok(Self {
-            kp: Gains::read(law, &KP_OF_VELOCITY, size.axes)?,
-            kd: JointGains::read(law, &KD_OF_JOINTS, size.joints)?,
+            kp: Gains::read(law, &KP_OF_VELOCITY, axes)?,
+            kd: JointGains::read(law, &KD_OF_JOINTS, joints)?,
             ki: ki?,
         })
     }

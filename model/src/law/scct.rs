@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation, Size, State, Unsuited,
+    Command, Declaration, Equation, Signals, Situation, State, Unsuited,
     describe::{Default, Description, Form, Parameter},
     inverse::{self, DAMPING, PseudoInverse, TORQUE},
     mb::{KD_OF_ACCELERATION, KP_OF_ACCELERATION},
@@ -61,11 +61,16 @@ impl Declaration for SimplifiedComputedTorque<f64, MAX_AXES> {
         signals: &[DAMPING],
     };
 
-    fn read(law: &Section<'_>, size: Size) -> Result<Self, ScenarioError> {
-        let inertia = JointGains::read(law, &INERTIA, size.joints);
+    fn read(
+        law: &Section<'_>,
+        arm: &ArmSettings,
+        task: &task::Description,
+    ) -> Result<Self, ScenarioError> {
+        let (joints, axes) = (arm.links.len(), task.axes.len());
+        let inertia = JointGains::read(law, &INERTIA, joints);
         Ok(Self {
-            kp: Gains::read(law, &KP_OF_ACCELERATION, size.axes)?,
-            kd: Gains::read(law, &KD_OF_ACCELERATION, size.axes)?,
+            kp: Gains::read(law, &KP_OF_ACCELERATION, axes)?,
+            kd: Gains::read(law, &KD_OF_ACCELERATION, axes)?,
             inertia: inertia?,
         })
     }

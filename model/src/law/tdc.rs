@@ -1,7 +1,7 @@
 //! Time-delay control.
 
 use super::{
-    Command, Declaration, Equation, Signals, Situation, Size, State, Unsuited,
+    Command, Declaration, Equation, Signals, Situation, State, Unsuited,
     describe::{Default, Description, Parameter},
     factor::{self, Factor},
     mass::{self, Mass},
@@ -67,12 +67,19 @@ impl Declaration for TimeDelay<f64, MAX_AXES> {
         signals: factor::SIGNALS,
     };
 
-    fn read(law: &Section<'_>, size: Size) -> Result<Self, ScenarioError> {
+    fn read(
+        law: &Section<'_>,
+        _: &ArmSettings,
+        task: &task::Description,
+    ) -> Result<Self, ScenarioError> {
+        let axes = task.axes.len();
+        let mass = Mass::read(law, &MASS, axes);
+        let factor = Factor::read(law, &FACTOR, axes);
         Ok(Self {
-            kp: Gains::read(law, &KP_OF_ACCELERATION, size.axes)?,
-            kd: Gains::read(law, &KD_OF_ACCELERATION, size.axes)?,
-            mass: Mass::read(law, &MASS, size.axes)?,
-            factor: Factor::read(law, &FACTOR, size.axes)?,
+            kp: Gains::read(law, &KP_OF_ACCELERATION, axes)?,
+            kd: Gains::read(law, &KD_OF_ACCELERATION, axes)?,
+            mass: mass?,
+            factor: factor?,
         })
     }
 

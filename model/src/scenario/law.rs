@@ -6,10 +6,11 @@ use super::{ArmSettings, error::ScenarioError, section::Section};
 use crate::{
     MAX_AXES,
     law::{
-        Equation, Law, Size,
+        Equation, Law,
         describe::{Default, Form, Parameter},
         mass,
     },
+    task,
 };
 
 /// What the controller does.
@@ -138,12 +139,13 @@ pub enum Horizon {
 impl LawSettings {
     pub(super) fn read(
         law: Section<'_>,
-        size: Size,
+        arm: &ArmSettings,
+        task: &task::Description,
         sample_period: Duration,
     ) -> Result<Self, ScenarioError> {
         let prediction = law.section_or_empty("prediction")?;
         let settings = Self {
-            law: Law::read(&law, size)?,
+            law: Law::read(&law, arm, task)?,
             memory: MemorySettings::read(law.section_or_empty("memory")?, sample_period)?,
             prediction: Horizon::read(&prediction)?,
             prediction_model: prediction

@@ -54,7 +54,6 @@ use key::{Default, Form, Range, literal};
 
 use crate::{
     arm::wall::Wall,
-    law::Size,
     task::{self, TASKS},
     trajectory::Trajectory,
 };
@@ -210,8 +209,7 @@ impl Scenario {
         let task = read_task(root.section_or_empty("task")?)?;
         let arm = ArmSettings::read(root.section("arm")?, task)?;
         let timing = Timing::read(root.section("timing")?, duration)?;
-        let size = Size { joints: arm.links.len(), axes: task.axes.len() };
-        let law = LawSettings::read(root.section("law")?, size, timing.sample_period)?;
+        let law = LawSettings::read(root.section("law")?, &arm, task, timing.sample_period)?;
         if let Err(unsuited) = law.law.check(&arm, task) {
             return Err(root.section("law")?.refuse(unsuited.key(), unsuited));
         }

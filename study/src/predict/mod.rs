@@ -64,6 +64,14 @@ pub fn linear_loop<const M: usize>(
     mass: f64,
 ) -> Result<LinearLoop<M>, StudyError> {
     let settings = with_constant_factor(scenario)?.law;
+    let law = settings.law.description();
+    let no_theory = |reason| Err(StudyError::NoTheory { law: law.name, reason });
+    if law.has_state {
+        return no_theory("the law keeps a state from sample to sample");
+    }
+    if settings.predicts_by_model() {
+        return no_theory("a model of the arm predicts");
+    }
     Ok(LinearLoop {
         law: settings.law.lift::<f64, M>(),
         mass,
