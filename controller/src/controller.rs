@@ -390,8 +390,8 @@ impl<const N: usize, const M: usize, L: Equation<f64, M>> Respond for ArmControl
         let Response { mut command, error, tip, .. } =
             self.responder.respond(&measured, &context, &mut self.state, &mut shown.signals);
         if self.balances_gravity {
-            let q = ahead.map_or(&q, |ahead| &ahead.position);
-            command.torque += self.responder.arm.gravity(q);
+            // At the measured posture, which the plant knows, also where a model predicts another.
+            command.torque += self.responder.arm.gravity(&q);
         }
         if let Some(sent) = &mut self.sent {
             sent.store(header.time_ns, command.torque.as_slice());

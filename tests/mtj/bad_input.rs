@@ -30,7 +30,7 @@ fn bad_values_are_refused_by_key_and_value() {
     for (set, words) in [
         ("law.gain=3", &["law.gain", "3", "no key 'gain'"][..]),
         ("timing.sample_period=10parsec", &["timing.sample_period", "10parsec", "ms"]),
-        ("law.kind=pid", &["law.kind", "pid", "mtj"]),
+        ("law.kind=lqr", &["law.kind", "lqr", "mtj"]),
         ("arm.links[0].mass=-4", &["arm.links[0].mass", "-4", "greater than 0"]),
         ("arm.links[1].length=0", &["arm.links[1].length", "0", "greater than 0"]),
         ("arm.position=[0.3, 0.0]", &["arm.position", "[0.3, 0.0]", "singular"]),

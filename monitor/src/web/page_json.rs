@@ -71,7 +71,7 @@ fn parameter(parameter: &Parameter) -> Value {
     let (form, words): (_, &[&str]) = match parameter.form {
         Form::Choice(words) => ("choice", words),
         Form::Number(_) => ("number", &[]),
-        Form::List(_) => ("list", &[]),
+        Form::List(_) | Form::JointList(_) => ("list", &[]),
         Form::Matrix => ("matrix", &[]),
         Form::MatrixOr(words) => ("matrix", words),
         Form::Flag => ("choice", &["false", "true"]),

@@ -296,11 +296,7 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
         let mut state = self.state;
         let mut response = self.responder.respond(&measured, &context, &mut state, &mut unseen);
         if self.balances_gravity {
-            self.gravity = self.responder.arm.gravity(if self.predicts_by_model {
-                &position
-            } else {
-                &samples.position
-            });
+            self.gravity = self.responder.arm.gravity(&samples.position);
             response.command.torque += self.gravity;
         }
         let heard = |new: T, old: T| T::zero().where_below(samples.is_heard, new, old);
