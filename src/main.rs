@@ -26,6 +26,7 @@ use mtj_options::log;
 use self::{
     benchmark::round_trip::ECHO,
     command::{
+        advise::Advise,
         bench::Bench,
         bridge::BridgeCommand,
         completions::Completions,
@@ -67,6 +68,7 @@ enum Command {
     Scenario(ScenarioCommand),
     Study(StudyCommand),
     Tune(Tune),
+    Advise(Advise),
     Set(Set),
     Pause(Pause),
     Resume(Resume),
@@ -132,6 +134,7 @@ fn run(command: Command) -> Result<(), Failure> {
         Command::Scenario(scenario) => scenario.run(),
         Command::Study(study) => study.run(),
         Command::Tune(tune) => tune.run(),
+        Command::Advise(advise) => advise.run(),
         Command::Set(set) => set.run(),
         Command::Pause(pause) => pause.run(),
         Command::Resume(resume) => resume.run(),

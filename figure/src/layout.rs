@@ -103,6 +103,8 @@ pub(crate) enum Symbol {
     Hatching,
     /// A line in every map.
     Limit,
+    /// The fill with this number.
+    Fill(usize),
 }
 
 /// One entry of a legend.
@@ -166,6 +168,12 @@ impl Symbol {
                 let top = y - 7.0;
                 sheet.add(format_args!(
                     r#"<rect x="{x:.1}" y="{top:.1}" width="26" height="14" fill="url(#diverged)" stroke="{OUTLINE}"/>"#
+                ));
+            }
+            Self::Fill(number) => {
+                let top = y - 7.0;
+                sheet.add(format_args!(
+                    r#"<rect x="{x:.1}" y="{top:.1}" width="26" height="14" fill="url(#fill{number})" stroke="{OUTLINE}"/>"#
                 ));
             }
             Self::Limit => {

@@ -5,8 +5,9 @@
 //! | [`lines`] | curves over time, each panel with axes of its own |
 //! | [`trend`] | curves over the positions of a study |
 //! | [`heatmap`] | maps over two axes of a study, with one colour scale |
+//! | [`winners`] | maps of which of several is best in each cell |
 //!
-//! All three place title, panels and legend by `layout`, their ticks by `axis`, and write to one
+//! All place title, panels and legend by `layout`, their ticks by `axis`, and write to one
 //! `sheet`. A PNG is made of exactly the SVG beside it, with a font that the program carries, so
 //! neither depends on what the machine has installed.
 //!
@@ -48,6 +49,7 @@ mod sheet;
 mod style;
 mod thin;
 pub mod trend;
+pub mod winners;
 
 use std::{error::Error, fs, io, path::Path, path::PathBuf};
 

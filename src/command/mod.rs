@@ -1,5 +1,6 @@
 //! The subcommands of `mtj`, one file each.
 
+pub mod advise;
 pub mod bench;
 pub mod bridge;
 #[cfg(feature = "zenoh")]

@@ -100,6 +100,13 @@ impl StudyCommand {
 impl RunStudy {
     fn run(self) -> Result<(), Failure> {
         let plan = self.study.load()?;
+        if plan.best.is_some() && !self.bus.overrides().is_empty() {
+            return Err(Failure::bad_input(format!(
+                "{}: the best gains are searched in this process; leave out --bus and what belongs to \
+                 it",
+                plan.name
+            )));
+        }
         let shutdown = Shutdown::on_signals();
         let proceed = move || shutdown.proceed();
         let mut results = Results::open(&self.out, &plan, self.shard)?;

@@ -50,8 +50,10 @@ impl Tune {
         if time_constant_s <= 0.0 {
             return Err(Failure::bad_input("--time-constant 0: expected more than nothing"));
         }
-        let given_limit =
-            self.torque_limit.as_deref().map(|text| torque_limit(text, &scenario)).transpose()?;
+        // Before anything that takes long.
+        if let Some(text) = &self.torque_limit {
+            torque_limit(text, &scenario)?;
+        }
         let of_links = tune::link_latency(&scenario)?;
         let shutdown = Shutdown::on_signals();
         let proceed = move || shutdown.proceed();
@@ -63,15 +65,8 @@ impl Tune {
             }
             Some(text) => (Latency::constant(seconds("--latency", text)?), LatencySource::Given),
         };
-        let (torque_limit_nm, source) = match (given_limit, &scenario.safety.torque_limit) {
-            (Some(limit), _) => (limit, "given".to_owned()),
-            (None, Some(limit)) => (limit.clone(), "the scenario's".to_owned()),
-            (None, None) => {
-                let peak = tune::motion(&scenario, &proceed)?.settled_torque_nm;
-                let limit = peak.iter().map(|torque| SPARE_TORQUE * torque).collect();
-                (limit, format!("none given: {SPARE_TORQUE} x what the motion itself takes"))
-            }
-        };
+        let limit = self.torque_limit.as_deref();
+        let (torque_limit_nm, source) = torque_limit_or_motion(limit, &scenario, &proceed)?;
         let wanted = Wanted { time_constant_s, torque_limit_nm, latency, latency_source };
         let proposal = tune::propose(&scenario, &wanted, &proceed)?;
         let command =
@@ -128,7 +123,24 @@ impl Tune {
     }
 }
 
-fn seconds(option: &str, text: &str) -> Result<f64, Failure> {
+/// The torque limit, N m a joint, and where it is from: the option, the scenario, or the motion.
+pub(super) fn torque_limit_or_motion(
+    given: Option<&str>,
+    scenario: &Scenario,
+    proceed: &dyn Fn() -> bool,
+) -> Result<(Vec<f64>, String), Failure> {
+    match (given, &scenario.safety.torque_limit) {
+        (Some(text), _) => Ok((torque_limit(text, scenario)?, "given".to_owned())),
+        (None, Some(limit)) => Ok((limit.clone(), "the scenario's".to_owned())),
+        (None, None) => {
+            let peak = tune::motion(scenario, proceed)?.settled_torque_nm;
+            let limit = peak.iter().map(|torque| SPARE_TORQUE * torque).collect();
+            Ok((limit, format!("none given: {SPARE_TORQUE} x what the motion itself takes")))
+        }
+    }
+}
+
+pub(super) fn seconds(option: &str, text: &str) -> Result<f64, Failure> {
     let parsed = duration::parse(text).map(|duration| duration.as_secs_f64());
     parsed
         .ok_or_else(|| Failure::bad_input(format!("{option} {text}: expected {}", duration::FORM)))

@@ -74,6 +74,15 @@ pub enum StudyError {
         /// The most points.
         most: usize,
     },
+    /// The limit of a loop was asked for whose gains are still to be searched.
+    #[error(
+        "{name}: a study with the table 'best' searches the gains, and a limit can be predicted only \
+         for gains that are known; name a study without it"
+    )]
+    Searched {
+        /// The study.
+        name: String,
+    },
     /// The controller of a run over a bus could not be started.
     #[error("a controller could not be started: {0}")]
     Spawn(#[from] io::Error),
@@ -208,6 +217,7 @@ impl StudyError {
             | Self::NotToml { .. }
             | Self::NoScenario { .. }
             | Self::PointCount { .. }
+            | Self::Searched { .. }
             | Self::Folder { .. }
             | Self::File { .. }
             | Self::Csv { .. }

@@ -119,6 +119,9 @@ pub fn measure(
 
 /// The scenarios of a plan with its latency axis left out, each with the labels of its positions.
 pub fn scenarios(plan: &Plan) -> Result<Vec<(Vec<String>, Scenario)>, StudyError> {
+    if plan.best.is_some() {
+        return Err(StudyError::Searched { name: plan.name.clone() });
+    }
     let mut plan = plan.clone();
     let is_latency = |set: &Override| LATENCY_KEYS.contains(&set.path());
     plan.axes

@@ -7,7 +7,7 @@ use mtj_figure::cells::Spread;
 use super::layout::Layout;
 use crate::sweep::{
     plan::Plan,
-    results::{MEASURES, ResultRow},
+    results::{self, MEASURES, ResultRow},
 };
 
 /// The results of one combination of positions.
@@ -25,6 +25,17 @@ pub(crate) struct Aggregate {
     pub(crate) diverged: usize,
     /// Why a point could not be run; empty if all could.
     pub(crate) error: String,
+    /// Of the first point, where gains were searched.
+    pub(crate) best: Option<BestGains>,
+}
+
+/// The best gains of a point.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct BestGains {
+    /// What stands in the way of a lower error.
+    pub(crate) limit: String,
+    /// The command that repeats the run; empty if no gains keep all limits.
+    pub(crate) command: String,
 }
 
 impl Aggregate {
@@ -48,6 +59,8 @@ pub(crate) struct Groups<'a> {
     /// The columns of [`measures`].
     columns: Vec<usize>,
     diverged: usize,
+    /// The columns of [`BestGains`].
+    best: Option<[usize; 2]>,
     count: usize,
 }
 
@@ -58,6 +71,7 @@ struct Group {
     points: usize,
     diverged: usize,
     error: String,
+    best: Option<BestGains>,
     /// The numbers of all rows, in the order of [`measures`]; NaN where there is none.
     numbers: Vec<f64>,
 }
@@ -65,11 +79,13 @@ struct Group {
 impl<'a> Groups<'a> {
     /// No rows yet.
     pub(crate) fn new(plan: &'a Plan, layout: &'a Layout) -> Self {
-        let first = 1 + plan.axes.len();
-        let column = |name| MEASURES.iter().position(|known| *known == name).map(|i| first + i);
+        let known = results::columns(plan);
+        let column = |name| known.iter().position(|known| known == name);
         let columns = measures().filter_map(column).collect();
-        let diverged = column("diverged").unwrap_or(first);
-        Self { plan, layout, groups: BTreeMap::new(), columns, diverged, count: 0 }
+        let diverged = column("diverged").unwrap_or(0);
+        let best = plan.best.as_ref().and(column("limit").zip(column("command")));
+        let best = best.map(<[usize; 2]>::from);
+        Self { plan, layout, groups: BTreeMap::new(), columns, diverged, best, count: 0 }
     }
 
     /// How many rows there are.
@@ -86,6 +102,10 @@ impl<'a> Groups<'a> {
         let group = self.groups.entry(point(self.plan, &at)).or_default();
         if group.points == 0 || row.point < group.point {
             group.point = row.point;
+            group.best = self.best.map(|[limit, command]| BestGains {
+                limit: row.fields[limit].clone(),
+                command: row.fields[command].clone(),
+            });
         }
         group.points += 1;
         group.diverged += usize::from(row.fields[self.diverged] == "true");
@@ -101,10 +121,10 @@ impl<'a> Groups<'a> {
     pub(crate) fn aggregates(self) -> Vec<Aggregate> {
         let Self { plan, groups, columns, .. } = self;
         let aggregate = |(first, group): (usize, Group)| {
-            let Group { point, points, diverged, error, numbers } = group;
+            let Group { point, points, diverged, error, best, numbers } = group;
             let measure = |i| spread(numbers.iter().skip(i).step_by(columns.len()).copied());
             let measures = (0..columns.len()).map(measure).collect();
-            Aggregate { point, at: indices(plan, first), measures, points, diverged, error }
+            Aggregate { point, at: indices(plan, first), measures, points, diverged, error, best }
         };
         groups.into_iter().map(aggregate).collect()
     }

@@ -10,6 +10,7 @@ use super::{
     aggregate::{Aggregate, measures},
     layout::{self, Layout},
     limits::Limits,
+    winners,
 };
 use crate::sweep::plan::Plan;
 
@@ -47,7 +48,17 @@ pub(crate) const SHOWN: [Shown; 5] = [
 /// The meaning of the line in maps of latency over the sample period.
 const LIMIT: &str = "predicted limit, for k = 0.99 where k varies: beyond it errors grow";
 
-/// The names of the files and the SVG documents, in the order of [`SHOWN`]; `failed` says which
+/// The title of the map of the best laws.
+const WINNERS: &str = "law with the least error";
+
+/// The figures of a study, as the page lists them: where gains were searched over two axes, first
+/// the law that is best.
+pub(crate) fn names(plan: &Plan, layout: &Layout) -> Vec<&'static str> {
+    let winners = winners::can_show(plan, layout).then_some(WINNERS);
+    winners.into_iter().chain(SHOWN.map(|shown| shown.quantity)).collect()
+}
+
+/// The names of the files and the SVG documents, in the order of [`names`]; `failed` says which
 /// points could not be run.
 pub(crate) fn all(
     plan: &Plan,
@@ -56,17 +67,20 @@ pub(crate) fn all(
     limits: &Limits,
     failed: Option<&str>,
 ) -> Vec<(String, String)> {
-    SHOWN
-        .iter()
-        .map(|Shown { column, quantity, factor, span }| {
-            let index = measures().position(|name| name == *column).unwrap_or(0);
-            let note = &note(plan, span, failed);
-            let draw =
-                Draw { plan, layout, aggregates, limits, note, quantity, factor: *factor, index };
-            let name = quantity.split(" (").next().unwrap_or(column).replace(' ', "-");
-            (name, if layout.y.is_some() { draw.maps().svg() } else { draw.trends().svg() })
-        })
-        .collect()
+    let winners = winners::can_show(plan, layout).then(|| {
+        let note = note(plan, HALF, failed);
+        let maps = winners::maps(plan, layout, aggregates, &note);
+        ("best-law".to_owned(), maps.svg())
+    });
+    let shown = SHOWN.iter().map(|Shown { column, quantity, factor, span }| {
+        let index = measures().position(|name| name == *column).unwrap_or(0);
+        let note = &note(plan, span, failed);
+        let draw =
+            Draw { plan, layout, aggregates, limits, note, quantity, factor: *factor, index };
+        let name = quantity.split(" (").next().unwrap_or(column).replace(' ', "-");
+        (name, if layout.y.is_some() { draw.maps().svg() } else { draw.trends().svg() })
+    });
+    winners.into_iter().chain(shown).collect()
 }
 
 /// The line below the title: the part of a run that is shown, the keys that `--set` has changed, and
@@ -102,7 +116,7 @@ impl Draw<'_> {
         });
         for aggregate in self.aggregates {
             let cell = aggregate.at[x] * rows + aggregate.at[y];
-            maps[self.panel(aggregate)].cells[cell] = self.value(aggregate);
+            maps[self.layout.panel(self.plan, &aggregate.at)].cells[cell] = self.value(aggregate);
         }
         for (map, limits) in maps.iter_mut().zip(self.limits) {
             map.line = limits.iter().map(|limit| limit.map(|seconds| seconds * 1e3)).collect();
@@ -128,8 +142,8 @@ impl Draw<'_> {
         let mut panels = self.panels(|title| TrendPanel { title, curves: curves.clone() });
         for aggregate in self.aggregates {
             let series = self.layout.series.map_or(0, |series| aggregate.at[series]);
-            panels[self.panel(aggregate)].curves[series][aggregate.at[self.layout.x]] =
-                self.value(aggregate);
+            panels[self.layout.panel(self.plan, &aggregate.at)].curves[series]
+                [aggregate.at[self.layout.x]] = self.value(aggregate);
         }
         let (title, quantity) = (self.plan.title.clone(), self.quantity.to_owned());
         Trends { title, note: self.note.to_owned(), quantity, x, names, panels }
@@ -145,12 +159,5 @@ impl Draw<'_> {
 
     fn panels<P>(&self, make: impl Fn(String) -> P) -> Vec<P> {
         self.layout.combinations(self.plan).into_iter().map(|(_, title)| make(title)).collect()
-    }
-
-    /// The number of the panel that shows an aggregate.
-    fn panel(&self, aggregate: &Aggregate) -> usize {
-        self.layout.panels.iter().fold(0, |panel, axis| {
-            panel * self.plan.axes[*axis].positions.len() + aggregate.at[*axis]
-        })
     }
 }

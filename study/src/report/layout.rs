@@ -49,8 +49,18 @@ impl Layout {
 
     /// Whether latency is drawn over the sample period.
     pub(crate) fn has_limits(&self, plan: &Plan) -> bool {
+        // The limit of which gains?
+        if plan.best.is_some() {
+            return false;
+        }
         let is_latency = |y| is_set(&plan.axes[y], &LATENCY_KEYS);
         is_set(&plan.axes[self.x], &["timing.sample_period"]) && self.y.is_some_and(is_latency)
+    }
+
+    /// The number of the panel that shows a place.
+    pub(crate) fn panel(&self, plan: &Plan, at: &[usize]) -> usize {
+        let size = |axis: &usize| plan.axes[*axis].positions.len();
+        self.panels.iter().fold(0, |panel, axis| panel * size(axis) + at[*axis])
     }
 
     /// All combinations of positions of the panels' axes, each with its title.

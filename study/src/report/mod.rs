@@ -13,6 +13,7 @@ mod figures;
 mod layout;
 mod limits;
 mod page;
+mod winners;
 
 use std::{
     fs, io,

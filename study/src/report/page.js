@@ -12,7 +12,7 @@ const panelOf = at => panels.reduce((n, axis) => n * data.axes[axis].labels.leng
 const keyOf = at => [panelOf(at), at[x], across === null ? 0 : at[across]].join();
 const cells = new Map(data.cells.map(cell => [keyOf(cell[0]), cell]));
 
-const command = ([at]) => data.command + at.map((i, axis) => data.axes[axis].flags[i]).join("");
+const command = ([at, , , , , , , searched]) => searched ?? data.command + at.map((i, axis) => data.axes[axis].flags[i]).join("");
 
 function draw(index) {
   const figures = document.querySelectorAll("template.figure");
@@ -20,14 +20,15 @@ function draw(index) {
 }
 
 function tell(cell) {
-  const [at, medians, spread, points, diverged, error] = cell;
+  const [at, medians, spread, points, diverged, error, limit] = cell;
   const pair = (name, text) => `<div><dt>${escape(name)}</dt><dd>${escape(text)}</dd></div>`;
   const positions = at.map((i, axis) => seeds.includes(axis)
     ? "" : pair(data.axes[axis].name, data.axes[axis].labels[i]));
   const range = i => spread && spread[0][i] !== null ? ` (${short(spread[0][i])} to ${short(spread[1][i])})` : "";
   const measured = data.measures.map((name, i) => pair(name, short(medians[i]) + range(i)));
   const ran = pair("diverged", points > 1 ? `${diverged} of ${points}` : diverged ? "yes" : "no");
-  byId("point").innerHTML = `<dl>${positions.join("")}</dl><dl>${measured.join("")}${ran}${error ? pair("error", error) : ""}</dl>`
+  const inTheWay = limit ? pair("limit in the way", limit) : "";
+  byId("point").innerHTML = `<dl>${positions.join("")}</dl><dl>${measured.join("")}${ran}${inTheWay}${error ? pair("error", error) : ""}</dl>`
     + `<button title="Copy">${escape(command(cell))}</button>`;
 }
 async function copy(text) {

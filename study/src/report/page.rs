@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::{
     aggregate::{Aggregate, measures},
-    figures::{HALF, SHOWN, WHOLE},
+    figures::{self, HALF, WHOLE},
     layout::{self, Layout},
 };
 use crate::{
@@ -16,7 +16,7 @@ const TEMPLATE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
-/// The whole page; `figures` are SVG documents in the order of [`SHOWN`].
+/// The whole page; `figures` are SVG documents in the order of [`figures::names`].
 pub(crate) fn html<'a>(
     plan: &Plan,
     layout: &Layout,
@@ -49,7 +49,7 @@ fn data(plan: &Plan, layout: &Layout, aggregates: &[Aggregate], failed: Option<&
         "layout": layout,
         "axes": plan.axes.iter().map(axis_data).collect::<Vec<_>>(),
         "measures": measures().collect::<Vec<_>>(),
-        "shown": SHOWN.map(|shown| shown.quantity),
+        "shown": figures::names(plan, layout),
         "spans": format!("Errors are {HALF}, torques and energy {WHOLE}."),
         "cells": aggregates.iter().map(aggregate_data).collect::<Vec<_>>(),
     })
@@ -63,15 +63,16 @@ fn axis_data(axis: &Axis) -> Value {
     })
 }
 
-/// `[positions, medians, least and greatest, points, diverged, error]`; least and greatest only
-/// where there are several points.
+/// `[positions, medians, least and greatest, points, diverged, error, limit, command]`; least and
+/// greatest only where there are several points, limit and command only where gains were searched.
 fn aggregate_data(aggregate: &Aggregate) -> Value {
     let column = |of: fn(&mtj_figure::cells::Spread) -> f64| -> Vec<Option<f64>> {
         aggregate.measures.iter().map(|spread| spread.map(|at| six_digits(of(&at)))).collect()
     };
     let spread = (aggregate.points > 1).then(|| [column(|at| at.least), column(|at| at.greatest)]);
-    let Aggregate { at, points, diverged, error, .. } = aggregate;
-    json!([at, column(|at| at.median), spread, points, diverged, error])
+    let Aggregate { at, points, diverged, error, best, .. } = aggregate;
+    let (limit, command) = best.as_ref().map(|best| (&best.limit, &best.command)).unzip();
+    json!([at, column(|at| at.median), spread, points, diverged, error, limit, command])
 }
 
 /// Enough digits for a reader; the results have all.

@@ -18,6 +18,7 @@ built_in_studies! {
     "noise",
     "horizon",
     "gains",
+    "best",
 }
 
 /// The text of a built-in study.

@@ -9,7 +9,11 @@ use super::{
     axis::{self, Axis, Position},
     builtin,
 };
-use crate::{error::StudyError, shell};
+use crate::{
+    best::{Best, Entry},
+    error::StudyError,
+    shell,
+};
 
 /// A scenario, what is set in it at every point, and axes; the points are all combinations of
 /// positions.
@@ -25,6 +29,9 @@ pub struct Plan {
     pub set: Vec<Override>,
     /// The last varies fastest.
     pub axes: Vec<Axis>,
+    /// What is searched at each point; then the first axis is that of the laws. Without it a point
+    /// is one run.
+    pub best: Option<Best>,
     /// How many of `set` are the study's own.
     own: usize,
     template: Template,
@@ -118,12 +125,19 @@ impl Plan {
             own: own.len(),
             set: own,
             axes: Vec::new(),
+            best: root.optional_section("best")?.map(Best::read).transpose()?,
             template: Template::load(&scenario)?,
             scenario,
             text: text.to_owned(),
         };
         let count = || StudyError::PointCount { name: name.to_owned(), most: MOST_POINTS };
-        for axis in root.sections("axes", "one axis or more")? {
+        plan.axes.extend(plan.best.as_ref().map(Best::axis));
+        // The laws are an axis, too.
+        let axes = match &plan.best {
+            Some(_) if !table.contains_key("axes") => Vec::new(),
+            _ => root.sections("axes", "one axis or more")?,
+        };
+        for axis in axes {
             plan.axes.push(Axis::read(axis)?);
             if plan.len() > MOST_POINTS {
                 return Err(count());
@@ -136,7 +150,7 @@ impl Plan {
         }
         // What is wrong everywhere is an error at once; what is wrong at one point is recorded
         // there.
-        match (plan.scenario(0), plan.scenario(plan.len() - 1)) {
+        match (plan.example(0), plan.example(plan.len() - 1)) {
             (Err(first), Err(last)) if first == last => Err(first.into()),
             _ => Ok(plan),
         }
@@ -183,6 +197,28 @@ impl Plan {
     /// If the values of that point are not acceptable.
     pub fn scenario(&self, point: usize) -> Result<Scenario, ScenarioError> {
         self.template.with(&self.overrides(point))
+    }
+
+    /// The scenario at a point with more keys set.
+    pub(crate) fn scenario_with(
+        &self,
+        point: usize,
+        set: &[Override],
+    ) -> Result<Scenario, ScenarioError> {
+        let mut all = self.overrides(point);
+        all.extend_from_slice(set);
+        self.template.with(&all)
+    }
+
+    /// The law whose gains are searched at a point.
+    pub(crate) fn law<'a>(&self, best: &'a Best, point: usize) -> &'a Entry {
+        &best.laws[point / (self.len() / best.laws.len())]
+    }
+
+    /// A scenario at a point: where gains are searched, with some that are in their ranges.
+    fn example(&self, point: usize) -> Result<Scenario, ScenarioError> {
+        let gains = self.best.as_ref().map(|best| self.law(best, point).middle());
+        self.scenario_with(point, &gains.unwrap_or_default())
     }
 
     /// The command that replays a point on its own.

@@ -8,6 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+pub(crate) use super::row::row_with;
 pub use super::row::{Failures, MEASURES, Measured, ResultRow, columns, row};
 use super::{
     plan::{self, Plan},

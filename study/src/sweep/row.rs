@@ -3,7 +3,7 @@
 use mtj_plant::report::Report;
 
 use super::plan::Plan;
-use crate::error::StudyError;
+use crate::{best, error::StudyError};
 
 /// The measures of a point, in the order of their columns.
 pub const MEASURES: [&str; 12] = [
@@ -80,17 +80,33 @@ pub fn columns(plan: &Plan) -> Vec<String> {
         "" => axis.name.clone(),
         unit => format!("{}_{unit}", axis.name),
     });
-    let measures = MEASURES.iter().map(|name| (*name).to_owned());
-    std::iter::once("point".to_owned()).chain(axes).chain(measures).collect()
+    let mut columns: Vec<String> = std::iter::once("point".to_owned()).chain(axes).collect();
+    columns.extend(MEASURES.iter().map(|name| (*name).to_owned()));
+    // The error is the last.
+    let of_best = plan.best.as_ref().map(best::columns).unwrap_or_default();
+    let last = columns.len() - 1;
+    columns.splice(last..last, of_best);
+    columns
 }
 
 /// A point's row. Nothing in it depends on wall time, so that it is the same on any bus, machine
 /// and number of threads.
 pub fn row(plan: &Plan, point: usize, measured: &Measured) -> ResultRow {
+    row_with(plan, point, Some(measured), Vec::new())
+}
+
+/// A point's row with more columns before the error; no measures where none were taken.
+pub(crate) fn row_with(
+    plan: &Plan,
+    point: usize,
+    measured: Option<&Measured>,
+    more: Vec<String>,
+) -> ResultRow {
     let number = |x: Option<f64>| x.map(|x| x.to_string()).unwrap_or_default();
     let positions = plan.positions(point).into_iter().map(|position| position.label.clone());
     let measures: [String; MEASURES.len()] = match measured {
-        Ok(report) => {
+        None => Default::default(),
+        Some(Ok(report)) => {
             let peak = report.peak_torque_nm.iter().copied().fold(0.0, f64::max);
             let commands = &report.commands;
             [
@@ -108,12 +124,15 @@ pub fn row(plan: &Plan, point: usize, measured: &Measured) -> ResultRow {
                 String::new(),
             ]
         }
-        Err(error) => {
+        Some(Err(error)) => {
             let mut fields = <[String; MEASURES.len()]>::default();
             fields[MEASURES.len() - 1] = error.to_string().replace('\n', " ");
             fields
         }
     };
-    let fields = std::iter::once(point.to_string()).chain(positions).chain(measures).collect();
+    let mut fields: Vec<String> =
+        std::iter::once(point.to_string()).chain(positions).chain(measures).collect();
+    let last = fields.len() - 1;
+    fields.splice(last..last, more);
     ResultRow { point, fields }
 }

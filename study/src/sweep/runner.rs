@@ -20,11 +20,14 @@ use super::{
     points::PointSet,
     results::{self, Measured, ResultRow, Results, Shard},
 };
-use crate::error::StudyError;
+use crate::{best, error::StudyError};
 
 /// The points that a thread takes at a time: enough to fill its lanes many times, and few enough
 /// that the threads end together.
 const CHUNK: std::ops::RangeInclusive<usize> = 16..=512;
+
+/// The same where gains are searched: a point is some hundred runs.
+const SEARCHED: std::ops::RangeInclusive<usize> = 1..=16;
 
 /// Computes the points of a shard that have no row yet, in this process, on `threads` threads; in
 /// [`lanes`] where `timing.integration_step` is "auto". Returns whether all are there.
@@ -38,8 +41,12 @@ pub fn run_in_process(
     let todo = Todo::of(plan, results, shard);
     let bar = progress(plan, results, &todo);
     let in_lanes = |point| plan.scenario(point).is_ok_and(|s| s.timing.tolerance.is_some());
-    let fewest = if todo.points().next().is_some_and(in_lanes) { *CHUNK.start() } else { 1 };
-    let chunk = (todo.count / (4 * threads)).clamp(fewest, *CHUNK.end());
+    let (fewest, most) = match plan.best {
+        Some(_) => (*SEARCHED.start(), *SEARCHED.end()),
+        None if todo.points().next().is_some_and(in_lanes) => (*CHUNK.start(), *CHUNK.end()),
+        None => (1, *CHUNK.end()),
+    };
+    let chunk = (todo.count / (4 * threads)).clamp(fewest, most);
     let points = Mutex::new(todo.points());
     let next = || -> Vec<usize> {
         points.lock().unwrap_or_else(PoisonError::into_inner).by_ref().take(chunk).collect()
@@ -56,8 +63,8 @@ pub fn run_in_process(
                     if some.is_empty() {
                         break;
                     }
-                    measure(plan, &some, &go_on, &mut |point, measured| {
-                        if send.send(results::row(plan, point, &measured)).is_err() {
+                    rows(plan, &some, &go_on, &mut |row| {
+                        if send.send(row).is_err() {
                             failed.store(true, Ordering::Relaxed);
                         }
                     });
@@ -105,6 +112,23 @@ pub fn run_one_by_one(
     }
     bar.abandon();
     Ok(todo.is_done(results))
+}
+
+/// The rows of some points, computed in this thread.
+fn rows(
+    plan: &Plan,
+    points: &[usize],
+    proceed: &dyn Fn() -> bool,
+    on_row: &mut dyn FnMut(ResultRow),
+) {
+    match &plan.best {
+        None => measure(plan, points, proceed, &mut |point, measured| {
+            on_row(results::row(plan, point, &measured));
+        }),
+        Some(best) => best::measure(plan, best, points, proceed, &mut |point, found| {
+            on_row(best::row(plan, best, point, found));
+        }),
+    }
 }
 
 /// Some points in this thread, in lanes or not as [`lanes::shape`] has it; `on_result` takes each

@@ -145,22 +145,25 @@ pub fn trials(
 ) -> Result<Vec<Scenario>, StudyError> {
     starts
         .map(|start| {
-            let mut set = set.to_vec();
-            if start > 0 {
-                // The signs come round again, so that the distance has to differ.
-                let distance = ASIDE / (1 + start / SEARCHED) as f64;
-                let aside = |joint| if start >> joint & 1 == 0 { distance } else { -distance };
-                let position = scenario.arm.position.iter().enumerate();
-                let position: Vec<_> =
-                    position.map(|(joint, q)| toml::Value::from(q + aside(joint))).collect();
-                // Not added, so that the largest seed stays one.
-                let seed = (scenario.seed ^ start as u64) as i64;
-                set.push(Override::value("arm.position", position.into()));
-                set.push(Override::value("seed", seed.into()));
-            }
+            let set: Vec<_> = set.iter().cloned().chain(aside(scenario, start)).collect();
             trial(scenario, wanted, multiple, &set)
         })
         .collect()
+}
+
+/// The settings of a start: none for number 0, which is the scenario's own.
+pub(crate) fn aside(scenario: &Scenario, start: usize) -> Vec<Override> {
+    if start == 0 {
+        return Vec::new();
+    }
+    // The signs come round again, so that the distance has to differ.
+    let distance = ASIDE / (1 + start / SEARCHED) as f64;
+    let aside = |joint| if start >> joint & 1 == 0 { distance } else { -distance };
+    let position = scenario.arm.position.iter().enumerate();
+    let position: Vec<_> = position.map(|(joint, q)| toml::Value::from(q + aside(joint))).collect();
+    // Not added, so that the largest seed stays one.
+    let seed = (scenario.seed ^ start as u64) as i64;
+    vec![Override::value("arm.position", position.into()), Override::value("seed", seed.into())]
 }
 
 /// The settings of the links for a multiple of the wanted latency.
@@ -177,9 +180,14 @@ pub fn links(scenario: &Scenario, wanted: &Wanted, multiple: f64) -> Vec<Overrid
         let latency = multiple * wanted.latency.mean_s;
         return vec![constant("link.state", 0.0), constant("link.torque", latency)];
     }
+    vec![longer(scenario, (multiple - 1.0) * wanted.latency.mean_s)]
+}
+
+/// The setting that makes the links' latency longer by so many seconds.
+pub(crate) fn longer(scenario: &Scenario, by: f64) -> Override {
     let own = scenario.link.torque.latency.as_secs_f64();
-    let longer = own + (multiple - 1.0) * wanted.latency.mean_s;
-    vec![Override::text("link.torque.latency", &text(longer))]
+    let latency = Duration::from_secs_f64((own + by).max(0.0));
+    Override::text("link.torque.latency", &duration::format(latency))
 }
 
 /// The latency that a scenario's links draw, both directions together: of the messages of one run
