@@ -71,7 +71,8 @@
 //!
 //! A [`Plan`] is a scenario and axes; [`study::sweep`] computes its points side by side in the
 //! lanes of the processor's vectors, [`study::report`] draws the results. [`study::predict`] says
-//! how much latency a loop should stand, [`study::tune`] proposes gains.
+//! how much latency a loop should stand, [`study::tune`] proposes gains, [`study::best`] compares laws,
+//! each with its best gains.
 //!
 //! # Examples
 //!
