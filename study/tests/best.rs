@@ -68,6 +68,7 @@ values = ["0 ms", "10 ms"]
 torque_limit = [40, 20]
 torque_step_limit = 3
 short = "4 s"
+population = 12
 cases = [{ "law.model.mass_scale" = 0.9 }, { "law.model.mass_scale" = 1.1 }]
 
 [[best.laws]]

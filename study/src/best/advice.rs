@@ -62,8 +62,9 @@ impl Advised {
 
 /// The study whose laws and limits are taken.
 const STUDY: &str = "best";
-/// The candidates that the search keeps: one point may take longer than one of thousands.
-const POPULATION: usize = 32;
+/// The candidates that the search keeps for each key: one point may take longer than one of
+/// thousands.
+const POPULATION: usize = 16;
 
 /// Searches the best gains of every law of the built-in study `best`.
 ///

@@ -26,10 +26,14 @@ use crate::{
 
 /// The first places, as a multiple of the population.
 const SPREAD: usize = 3;
-/// Generations of short runs: so many, and so many more for each key.
-const SHORT: (usize, usize) = (4, 3);
-/// Generations at full length.
-const LONG: usize = 6;
+/// Generations of short runs for each key that is searched.
+const SHORT: usize = 3;
+/// The torque limit of runs of the search, over the limit of the gains.
+const SATURATION: f64 = 1.1;
+/// The tolerance of short runs, rad and rad/s.
+const COARSE: f64 = 1e-6;
+/// Generations at full length: so many, and so many more for each key.
+const LONG: (usize, usize) = (4, 3);
 /// The factors by which each key is varied at the end.
 const POLISH: [f64; 3] = [1.06, 1.02, 1.02];
 /// How many of the best are tried on the scalar path, at the most.
@@ -44,6 +48,8 @@ enum Stage {
     Short,
     /// As long as the scenario says.
     Long,
+    /// The same as it will be repeated.
+    Scalar,
 }
 
 /// A point with its search.
@@ -56,8 +62,10 @@ struct Problem<'a> {
     variants: Vec<Vec<Override>>,
     /// What makes the latency as long as the margin asks for; `None` where there is no latency.
     longer: Option<Override>,
-    /// What makes a run short; `None` where it already is.
-    short: Option<Override>,
+    /// What every run of the search sets.
+    of_search: Vec<Override>,
+    /// What makes a run short and coarse.
+    short: Vec<Override>,
     population: Population<Verdict>,
     /// Everything that was tried at full length.
     tried: Vec<(Vec<f64>, Verdict)>,
@@ -88,7 +96,7 @@ pub(crate) fn measure(
             Err(error) => on_result(*point, Err(error)),
         }
     }
-    if search(&mut problems, best, proceed).is_none() {
+    if search(&mut problems, proceed).is_none() {
         return;
     }
     for problem in problems {
@@ -100,7 +108,7 @@ pub(crate) fn measure(
 }
 
 /// All stages; `None` if it was interrupted.
-fn search(problems: &mut [Problem<'_>], best: &Best, proceed: &dyn Fn() -> bool) -> Option<()> {
+fn search(problems: &mut [Problem<'_>], proceed: &dyn Fn() -> bool) -> Option<()> {
     let mut first = Vec::new();
     for (number, problem) in problems.iter().enumerate() {
         first.extend(problem.population.members().iter().map(|(at, _)| Candidate {
@@ -112,17 +120,15 @@ fn search(problems: &mut [Problem<'_>], best: &Best, proceed: &dyn Fn() -> bool)
     let mut found = judge(problems, &first, Stage::Short, proceed)?.into_iter();
     for problem in problems.iter_mut() {
         problem.population.found_anew(found.by_ref());
-        problem.population.keep(best.population);
+        problem.population.keep(problem.size());
     }
     let dimensions = problems.iter().map(|problem| problem.entry.gains.len()).max().unwrap_or(0);
-    for generation in 0..SHORT.0 + SHORT.1 * dimensions {
-        evolve(problems, Stage::Short, proceed, |problem| {
-            generation < SHORT.0 + SHORT.1 * problem.entry.gains.len()
-        })?;
+    for generation in 0..SHORT * dimensions {
+        evolve(problems, Stage::Short, proceed, |keys| generation < SHORT * keys)?;
     }
     let mut leading = Vec::new();
     for (number, problem) in problems.iter_mut().enumerate() {
-        problem.population.keep(best.population / 2);
+        problem.population.keep(problem.size() / 2);
         leading.extend(problem.population.members().iter().map(|(at, _)| Candidate {
             problem: number,
             at: at.clone(),
@@ -135,22 +141,22 @@ fn search(problems: &mut [Problem<'_>], best: &Best, proceed: &dyn Fn() -> bool)
         problem.population.found_anew(found_of_each.by_ref());
     }
     note(problems, &leading, &found);
-    for _ in 0..LONG {
-        evolve(problems, Stage::Long, proceed, |_| true)?;
+    for generation in 0..LONG.0 + LONG.1 * dimensions {
+        evolve(problems, Stage::Long, proceed, |keys| generation < LONG.0 + LONG.1 * keys)?;
     }
     POLISH.iter().try_for_each(|factor| polish(problems, *factor, proceed))
 }
 
-/// One generation of the problems that `takes_part` names.
+/// One generation of the problems with so many keys that `takes_part` says so.
 fn evolve(
     problems: &mut [Problem<'_>],
     stage: Stage,
     proceed: &dyn Fn() -> bool,
-    takes_part: impl Fn(&Problem<'_>) -> bool,
+    takes_part: impl Fn(usize) -> bool,
 ) -> Option<()> {
     let mut candidates = Vec::new();
     for (number, problem) in problems.iter_mut().enumerate() {
-        if !takes_part(problem) {
+        if !takes_part(problem.entry.gains.len()) {
             continue;
         }
         let places = problem.population.offspring();
@@ -286,8 +292,11 @@ fn simulate(
 impl<'a> Problem<'a> {
     fn new(plan: &'a Plan, best: &'a Best, point: usize) -> Result<Self, StudyError> {
         let entry = plan.law(best, point);
-        let (places, random) =
-            Population::<Verdict>::places(best.seed, SPREAD * best.population, entry.gains.len());
+        let (places, random) = Population::<Verdict>::places(
+            best.seed,
+            SPREAD * best.population * entry.gains.len(),
+            entry.gains.len(),
+        );
         let nothing = Verdict { error: f64::INFINITY, broken: None };
         let members = places.into_iter().map(|at| (at, nothing)).collect();
         let scenario = plan.scenario_with(point, &entry.middle())?;
@@ -300,12 +309,20 @@ impl<'a> Problem<'a> {
             point,
             variants: variants(best, &scenario),
             longer: (latency > 0.0 && best.limits.margin > 1.0).then_some(longer),
-            short: (best.short < scenario.duration)
-                .then(|| Override::text("duration", &duration::format(best.short))),
+            of_search: vec![saturation(best, &scenario)],
+            short: vec![
+                Override::text("duration", &duration::format(best.short.min(scenario.duration))),
+                Override::value("timing.tolerance", coarse(&scenario).into()),
+            ],
             population: Population::new(members, random),
             tried: Vec::new(),
             error: None,
         })
+    }
+
+    /// How many candidates the population keeps.
+    fn size(&self) -> usize {
+        self.best.population * self.entry.gains.len()
     }
 
     /// Everything that a run of a candidate sets beside the plan.
@@ -324,7 +341,11 @@ impl<'a> Problem<'a> {
     ) -> Result<Scenario, StudyError> {
         let mut set = self.set(at, variant);
         set.extend(self.longer.iter().filter(|_| has_margin).cloned());
-        set.extend(self.short.iter().filter(|_| stage == Stage::Short).cloned());
+        match stage {
+            Stage::Short => set.extend(self.of_search.iter().chain(&self.short).cloned()),
+            Stage::Long => set.extend(self.of_search.iter().cloned()),
+            Stage::Scalar => {}
+        }
         Ok(self.plan.scenario_with(self.point, &set)?)
     }
 
@@ -393,7 +414,7 @@ impl<'a> Problem<'a> {
     ) -> Option<Result<Vec<Report>, StudyError>> {
         let mut reports = Vec::new();
         for variant in 0..self.variants.len() {
-            match self.scenario(at, variant, has_margin, Stage::Long) {
+            match self.scenario(at, variant, has_margin, Stage::Scalar) {
                 Err(error) => return Some(Err(error)),
                 Ok(scenario) => match lanes::reference(&scenario, proceed)? {
                     Err(error) => return Some(Err(error)),
@@ -403,6 +424,24 @@ impl<'a> Problem<'a> {
         }
         Some(Ok(reports))
     }
+}
+
+/// The torque limit of the runs of the search. A candidate that reaches it breaks a limit anyway;
+/// without it an arm that whirls around takes most of the time.
+fn saturation(best: &Best, scenario: &Scenario) -> Override {
+    let own = |joint: usize| {
+        let own = scenario.safety.torque_limit.as_ref();
+        own.and_then(|own| own.get(joint)).copied().unwrap_or(f64::INFINITY)
+    };
+    let limit = |joint| own(joint).min(SATURATION * best.limits.torque(joint));
+    let limits: Vec<_> =
+        (0..scenario.arm.links.len()).map(|i| toml::Value::from(limit(i))).collect();
+    Override::value("safety.torque_limit", limits.into())
+}
+
+/// The tolerance of short runs.
+fn coarse(scenario: &Scenario) -> f64 {
+    scenario.timing.tolerance.unwrap_or(COARSE).max(COARSE)
 }
 
 /// What each run of a candidate sets besides: every case that matters to the law, from every start.

@@ -20,7 +20,7 @@ pub struct Best {
     pub starts: usize,
     /// Seeds the search.
     pub seed: u64,
-    /// How many candidates the search keeps.
+    /// How many candidates the search keeps for each key.
     pub population: usize,
     /// How long the runs of the first stage are, at the most.
     pub short: Duration,
@@ -61,8 +61,8 @@ pub struct GainRange {
     pub to: f64,
 }
 
-/// The fewest candidates that can be combined, and the most that help.
-const POPULATION: std::ops::RangeInclusive<i64> = 8..=512;
+/// The fewest candidates for each key that can be combined, and the most that help.
+const POPULATION: std::ops::RangeInclusive<i64> = 4..=256;
 /// The most starts; a law without damping of a redundant arm differs from start to start.
 const STARTS: std::ops::RangeInclusive<i64> = 1..=64;
 
@@ -104,7 +104,7 @@ impl Best {
             move |value: &Value| value.as_integer().filter(|i| range.contains(i))
         };
         let starts = section.optional("starts", "how many starts, 1 to 64", whole(&STARTS))?;
-        let expected = "how many candidates, 8 to 512";
+        let expected = "how many candidates for each key, 4 to 256";
         let population = section.optional("population", expected, whole(&POPULATION))?;
         let seed = section.optional("seed", "a whole number, 0 or more", |value| {
             u64::try_from(value.as_integer()?).ok()
@@ -130,7 +130,7 @@ impl Best {
             cases: cases.filter(|cases| !cases.is_empty()).unwrap_or_else(|| vec![Vec::new()]),
             starts: starts.map_or(1, |starts| starts as usize),
             seed: seed.unwrap_or(1),
-            population: population.map_or(20, |count| count as usize),
+            population: population.map_or(CANDIDATES, |count| count as usize),
             short: short.unwrap_or(SHORT),
         })
     }
@@ -165,6 +165,8 @@ impl Best {
 const MARGIN: f64 = crate::tune::MARGIN;
 /// The growth of the error unless the study says otherwise: what `mtj tune` tells.
 const GROWTH: f64 = 2.0;
+/// The candidates for each key unless the study says otherwise.
+const CANDIDATES: usize = 6;
 /// The duration of short runs unless the study says otherwise.
 const SHORT: Duration = Duration::from_secs(5);
 

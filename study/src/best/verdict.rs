@@ -15,6 +15,8 @@ pub enum Limit {
     Torque,
     /// The rms torque step.
     TorqueStep,
+    /// A joint's torque, with the margin.
+    TorqueWithMargin,
     /// The loop does not stand the margin, or its error grows too much there.
     Margin,
 }
@@ -36,6 +38,7 @@ impl fmt::Display for Limit {
             Self::Stability => "stability",
             Self::Torque => "torque",
             Self::TorqueStep => "torque step",
+            Self::TorqueWithMargin => "torque with margin",
             Self::Margin => "margin",
         })
     }
@@ -76,12 +79,12 @@ impl Verdict {
         let growth = error(reports) / self.error / limits.growth;
         let torque = torque(reports, limits);
         // Far from the limits first, so that the search comes nearer.
-        let by = match lost(reports) {
-            Some(by) => Some(2e6 + by),
-            None if torque > 1.0 => Some(1e6 + torque),
-            None => Some(growth).filter(|growth| *growth > 1.0),
+        let broken = match lost(reports) {
+            Some(by) => Some((Limit::Margin, 2e6 + by)),
+            None if torque > 1.0 => Some((Limit::TorqueWithMargin, 1e6 + torque)),
+            None => Some((Limit::Margin, growth)).filter(|_| growth > 1.0),
         };
-        Self { broken: by.map(|by| (Limit::Margin, by)), ..self }
+        Self { broken, ..self }
     }
 
     /// The same where the margin was not tried: it has no lower error than one that stands it.
@@ -97,7 +100,7 @@ impl Verdict {
     fn rank(&self) -> (u8, f64) {
         match self.broken {
             None => (0, self.error),
-            Some((Limit::Margin, by)) => (1, by),
+            Some((Limit::Margin | Limit::TorqueWithMargin, by)) => (1, by),
             Some((Limit::Torque | Limit::TorqueStep, by)) => (2, by),
             Some((Limit::Stability, by)) => (3, by),
         }
