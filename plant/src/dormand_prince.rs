@@ -213,7 +213,8 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         let bound = h.where_below(c(1.5 * SHORTEST), c(f64::INFINITY), self.tolerance);
         let accept = |new: T, old: T| bound.where_below(size, old, new);
         let mut work = T::zero();
-        let (torque, turn) = self.mean_torque(h);
+        let ends = self.approach.map(|_| [self.torque_after(T::zero()), self.torque_after(h)]);
+        let middle = self.torque_after(h * c(0.5));
         for joint in 0..N {
             let way = path(
                 h,
@@ -221,13 +222,14 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
                 self.velocity[joint],
                 velocity[joint],
             );
-            let mut done = torque[joint] * way;
-            if let Some(turn) = &turn {
-                // Torque and speed change together.
-                let faster = velocity[joint] - self.velocity[joint];
-                done += turn[joint] * faster * h * c(1.0 / 12.0);
-            }
-            work += done.abs();
+            work += match &ends {
+                None => (middle[joint] * way).abs(),
+                Some([first, last]) => {
+                    let faster = velocity[joint] - self.velocity[joint];
+                    let torques = [first[joint], middle[joint], last[joint]];
+                    done(torques, way, faster * h)
+                }
+            };
             self.position[joint] = accept(position[joint], self.position[joint]);
             self.velocity[joint] = accept(velocity[joint], self.velocity[joint]);
         }
@@ -238,18 +240,6 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
             approach.elapsed = accept(approach.elapsed + h, approach.elapsed);
         }
         self.step = T::zero().where_below(h, self.next_step(h, size), self.step);
-    }
-
-    /// The mean of τ over the next `h` seconds by Simpson's rule and, where it changes, by how much;
-    /// N m.
-    #[inline(always)]
-    fn mean_torque(&self, h: T) -> (SVector<T, N>, Option<SVector<T, N>>) {
-        if self.approach.is_none() {
-            return (self.torque, None);
-        }
-        let c = T::constant;
-        let [first, middle, last] = [0.0, 0.5, 1.0].map(|part| self.torque_after(h * c(part)));
-        ((first + middle * c(4.0) + last) * c(1.0 / 6.0), Some(last - first))
     }
 
     /// The step whose error would be within the bound, from that of a step `h`: the error of the
@@ -318,6 +308,20 @@ struct Rate<T, const N: usize> {
     velocity: SVector<T, N>,
     /// q̈, rad/s².
     acceleration: SVector<T, N>,
+}
+
+/// ∫|τ q̇| dt over a step of one joint, J, from the torque at its beginning, middle and end, the way that
+/// it turned, and the change of its speed times the step: Simpson's rule for the mean of τ, and what a
+/// torque and a speed that change together add. Where τ changes its sign, it is taken as a straight line
+/// and the speed as constant.
+#[inline(always)]
+fn done<T: Lanes>([first, middle, last]: [T; 3], way: T, faster: T) -> T {
+    let c = T::constant;
+    let mean = (first + middle * c(4.0) + last) * c(1.0 / 6.0);
+    let one_way = (mean * way + (last - first) * faster * c(1.0 / 12.0)).abs();
+    let size = first.abs() + last.abs() + c(f64::MIN_POSITIVE);
+    let turned = way * (first * first + last * last) / (size + size);
+    (first * last).where_below(T::zero(), turned, one_way)
 }
 
 /// ∫|q̇| dt over a step of one joint, rad, from the angle Δq it turned and its speeds at both ends.
