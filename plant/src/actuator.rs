@@ -51,6 +51,8 @@ pub struct Actuator<const N: usize = MAX_JOINTS, const E: usize = MAX_ECHO> {
     /// When the newest command took effect, ns.
     applied_ns: u64,
     on_timeout: OnTimeout,
+    /// Whether torques are at their commands at once, and exactly.
+    is_perfect: bool,
     /// How torques get to their commands; `None` for at once.
     course: Option<CourseSettings>,
     /// N m; zeros for exact torques.
@@ -83,6 +85,7 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
             period_ns: nanoseconds(scenario.timing.sample_period),
             applied_ns: 0,
             on_timeout: scenario.safety.on_timeout,
+            is_perfect: scenario.actuator.is_none(),
             course: course(scenario),
             resolution: resolution(scenario),
             drive: Drive::Torque([0.0; _]),
@@ -108,6 +111,7 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         self.rate_limit = rate_limits(scenario);
         self.period_ns = nanoseconds(scenario.timing.sample_period);
         self.on_timeout = scenario.safety.on_timeout;
+        self.is_perfect = scenario.actuator.is_none();
         self.course = course(scenario);
         self.resolution = resolution(scenario);
         if self.has_timed_out {
@@ -165,16 +169,33 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
                 *to = from + (*to - from) * part;
             }
         }
-        for (joint, torque) in torque.iter_mut().enumerate() {
-            *torque = self.rounded(joint, *torque);
-        }
-        let from = self.torque(time_ns, velocity);
-        self.set_out(from, self.applied(time_ns), torque, echo, time_ns);
         self.gravity = *gravity;
+        if self.is_perfect {
+            (self.drive, self.echo) = (Drive::Torque(torque), echo);
+        } else {
+            self.set_out_imperfectly(torque, echo, time_ns, velocity);
+        }
         self.echo_count = *echo_count;
         self.applied_ns = time_ns;
         self.has_timed_out = false;
         true
+    }
+
+    /// Lets torque and echo set out from what they are now, rounded as the actuators do.
+    #[inline(never)]
+    fn set_out_imperfectly(
+        &mut self,
+        torque: [f64; N],
+        echo: [f64; E],
+        time_ns: u64,
+        velocity: &[f64; N],
+    ) {
+        let mut to = torque;
+        for (joint, torque) in to.iter_mut().enumerate() {
+            *torque = self.rounded(joint, *torque);
+        }
+        let from = self.torque(time_ns, velocity);
+        self.set_out(from, self.applied(time_ns), to, echo, time_ns);
     }
 
     /// Lets torque and echo take their course from one value to another, from `time_ns` on.
@@ -352,6 +373,15 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         for (impulse, echo) in self.impulse.iter_mut().zip(&self.echo) {
             *impulse += echo * seconds;
         }
+        if !self.is_perfect {
+            self.integrate_approach(time_ns);
+        }
+        self.integrated_ns = time_ns;
+    }
+
+    /// Adds what the echo lacks on its way.
+    #[inline(never)]
+    fn integrate_approach(&mut self, time_ns: u64) {
         if let Drive::Approach(Approach { since_ns, course, .. }) = &self.drive
             && time_ns > self.integrated_ns
         {
@@ -362,7 +392,6 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
                 *impulse += (self.echo_from[i] - self.echo[i]) * rest;
             }
         }
-        self.integrated_ns = time_ns;
     }
 }
 

@@ -110,14 +110,18 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         }
     }
 
-    /// q̈ at joint velocities q̇ so many seconds from now, rad/s².
+    /// q̈ at joint velocities q̇ so many seconds from now, rad/s². `PLAIN`: without friction and under a
+    /// held torque.
     #[inline(always)]
-    fn acceleration(
+    fn acceleration<const PLAIN: bool>(
         &self,
         at: &A::Configuration,
         velocity: &SVector<T, N>,
         seconds: T,
     ) -> SVector<T, N> {
+        if PLAIN {
+            return self.arm.acceleration(at, &self.torque);
+        }
         let torque = self.torque_after(seconds);
         match &self.friction {
             None => self.arm.acceleration(at, &torque),
@@ -128,7 +132,7 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
     /// The rate of change a step `h` along a mean rate, at this part of the step, and angles and
     /// configuration there.
     #[inline(always)]
-    fn stage(
+    fn stage<const PLAIN: bool>(
         &self,
         h: T,
         part: f64,
@@ -137,7 +141,7 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         let position = self.position + mean.velocity * h;
         let velocity = self.velocity + mean.acceleration * h;
         let at = A::configuration(&position, &velocity);
-        let acceleration = self.acceleration(&at, &velocity, h * T::constant(part));
+        let acceleration = self.acceleration::<PLAIN>(&at, &velocity, h * T::constant(part));
         (Rate { velocity, acceleration }, position, at)
     }
 
@@ -145,22 +149,33 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
     /// estimated error is beyond the bound nothing moves, and the next step will be shorter.
     #[inline(always)]
     pub fn step(&mut self) {
+        if self.friction.is_none() && self.approach.is_none() {
+            self.step_as::<true>();
+        } else {
+            self.step_as::<false>();
+        }
+    }
+
+    #[inline(always)]
+    fn step_as<const PLAIN: bool>(&mut self) {
         let c = T::constant;
         let steps = (self.remaining / self.step).ceil();
         let steps = steps.where_below(T::one(), T::one(), steps);
         let h = self.remaining / steps;
 
-        let acceleration = self.acceleration(&self.configuration, &self.velocity, T::zero());
+        let acceleration =
+            self.acceleration::<PLAIN>(&self.configuration, &self.velocity, T::zero());
         let start = Rate { velocity: self.velocity, acceleration };
         let k1 = &start;
-        let (k2, ..) = &self.stage(h, 1.0 / 5.0, sum([(1.0 / 5.0, k1)]));
-        let (k3, ..) = &self.stage(h, 3.0 / 10.0, sum([(3.0 / 40.0, k1), (9.0 / 40.0, k2)]));
-        let (k4, ..) = &self.stage(
+        let (k2, ..) = &self.stage::<PLAIN>(h, 1.0 / 5.0, sum([(1.0 / 5.0, k1)]));
+        let (k3, ..) =
+            &self.stage::<PLAIN>(h, 3.0 / 10.0, sum([(3.0 / 40.0, k1), (9.0 / 40.0, k2)]));
+        let (k4, ..) = &self.stage::<PLAIN>(
             h,
             4.0 / 5.0,
             sum([(44.0 / 45.0, k1), (-56.0 / 15.0, k2), (32.0 / 9.0, k3)]),
         );
-        let (k5, ..) = &self.stage(
+        let (k5, ..) = &self.stage::<PLAIN>(
             h,
             8.0 / 9.0,
             sum([
@@ -170,7 +185,7 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
                 (-212.0 / 729.0, k4),
             ]),
         );
-        let (k6, ..) = &self.stage(
+        let (k6, ..) = &self.stage::<PLAIN>(
             h,
             1.0,
             sum([
@@ -182,7 +197,7 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
             ]),
         );
         // The fifth-order result.
-        let (k7, position, configuration) = &self.stage(
+        let (k7, position, configuration) = &self.stage::<PLAIN>(
             h,
             1.0,
             sum([
@@ -213,8 +228,7 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
         let bound = h.where_below(c(1.5 * SHORTEST), c(f64::INFINITY), self.tolerance);
         let accept = |new: T, old: T| bound.where_below(size, old, new);
         let mut work = T::zero();
-        let ends = self.approach.map(|_| [self.torque_after(T::zero()), self.torque_after(h)]);
-        let middle = self.torque_after(h * c(0.5));
+        let ends = if PLAIN { None } else { self.torques_around(h) };
         for joint in 0..N {
             let way = path(
                 h,
@@ -223,11 +237,10 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
                 velocity[joint],
             );
             work += match &ends {
-                None => (middle[joint] * way).abs(),
-                Some([first, last]) => {
+                None => (self.torque[joint] * way).abs(),
+                Some(torques) => {
                     let faster = velocity[joint] - self.velocity[joint];
-                    let torques = [first[joint], middle[joint], last[joint]];
-                    done(torques, way, faster * h)
+                    done(torques.map(|torque| torque[joint]), way, faster * h)
                 }
             };
             self.position[joint] = accept(position[joint], self.position[joint]);
@@ -240,6 +253,13 @@ impl<T: Lanes, A: Arm<T, N>, const N: usize> DormandPrince<T, A, N> {
             approach.elapsed = accept(approach.elapsed + h, approach.elapsed);
         }
         self.step = T::zero().where_below(h, self.next_step(h, size), self.step);
+    }
+
+    /// τ now, in the middle and at the end of the next `h` seconds, N m, where it is not held.
+    #[inline(always)]
+    fn torques_around(&self, h: T) -> Option<[SVector<T, N>; 3]> {
+        self.approach.as_ref()?;
+        Some([0.0, 0.5, 1.0].map(|part| self.torque_after(h * T::constant(part))))
     }
 
     /// The step whose error would be within the bound, from that of a step `h`: the error of the

@@ -39,7 +39,7 @@ pub struct PlanarArm<T, const N: usize> {
     /// First moment of everything that link i carries, kg m.
     moment: [T; N],
     gravity: Vector2<T>,
-    /// Reflected inertia of the rotors, kg m².
+    /// Reflected inertia of the rotors, kg m², if they have any; it is in the diagonal of `coupling`, too.
     armature: Option<[T; N]>,
 }
 
@@ -69,11 +69,19 @@ impl<T: Scalar, const N: usize> PlanarArm<T, N> {
     }
 }
 
-impl<T, const N: usize> PlanarArm<T, N> {
+impl<T: Scalar, const N: usize> PlanarArm<T, N> {
     /// The same arm with rotors of these inertias, kg m², as its gears reflect them to its joints:
-    /// they turn with the joints, and add to the diagonal of H.
+    /// they turn with the joints, and add to the diagonal of H. Seen from absolute angles, a rotor turns
+    /// by the difference of two of them.
     pub fn with_rotors(self, armature: [T; N]) -> Self {
-        Self { armature: Some(armature), ..self }
+        let mut coupling = self.coupling;
+        for (i, inertia) in armature.iter().enumerate() {
+            coupling[i][i] += *inertia;
+            if i > 0 {
+                coupling[i - 1][i - 1] += *inertia;
+            }
+        }
+        Self { coupling, armature: Some(armature), ..self }
     }
 }
 
@@ -164,11 +172,6 @@ impl<T: Scalar, const N: usize> Arm<T, N> for PlanarArm<T, N> {
                 h[(i, j)] += outer;
             }
         }
-        if let Some(armature) = &self.armature {
-            for i in 0..N {
-                h[(i, i)] += armature[i];
-            }
-        }
         h
     }
 
@@ -192,19 +195,7 @@ impl<T: Scalar, const N: usize> Arm<T, N> for PlanarArm<T, N> {
                 force[i] -= torque[i + 1];
             }
         }
-        let mut inertia = self.absolute_inertia(at);
-        if let Some(armature) = &self.armature {
-            // A rotor turns by the difference of two absolute angles.
-            for i in 0..N {
-                inertia[(i, i)] += armature[i];
-                if i > 0 {
-                    inertia[(i - 1, i - 1)] += armature[i];
-                    inertia[(i - 1, i)] -= armature[i];
-                    inertia[(i, i - 1)] -= armature[i];
-                }
-            }
-        }
-        let mut out = matrix::solve_positive_definite(&inertia, &force);
+        let mut out = matrix::solve_positive_definite(&self.absolute_inertia(at), &force);
         for i in (1..N).rev() {
             let inner = out[i - 1];
             out[i] -= inner;
@@ -381,10 +372,17 @@ impl<T: Scalar, const N: usize> PlanarArm<T, N> {
 
     #[inline(always)]
     fn absolute_inertia(&self, at: &Configuration<T, N>) -> SMatrix<T, N, N> {
-        SMatrix::from_fn(|i, j| {
+        let mut inertia = SMatrix::from_fn(|i, j| {
             let coupling = self.coupling[i][j];
             if i == j { coupling } else { coupling * at.cos_between(i, j) }
-        })
+        });
+        if let Some(armature) = &self.armature {
+            for i in 1..N {
+                inertia[(i - 1, i)] -= armature[i];
+                inertia[(i, i - 1)] -= armature[i];
+            }
+        }
+        inertia
     }
 
     #[inline(always)]

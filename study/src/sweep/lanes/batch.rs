@@ -293,17 +293,18 @@ impl<'a, 'b, T: Lanes, const N: usize, const M: usize, const E: usize> Batch<'a,
             at: &at,
             ahead: ahead.as_ref(),
         };
-        let mut state = self.state;
-        let mut response = self.responder.respond(&measured, &context, &mut state, &mut unseen);
+        let before = self.has_state.then_some(self.state);
+        let mut response =
+            self.responder.respond(&measured, &context, &mut self.state, &mut unseen);
         if self.balances_gravity {
             self.gravity = self.responder.arm.gravity(&samples.position);
             response.command.torque += self.gravity;
         }
         let heard = |new: T, old: T| T::zero().where_below(samples.is_heard, new, old);
         self.previous.time = heard(response.tip.time, self.previous.time);
-        if self.has_state {
-            for (old, new) in self.state.iter_mut().zip(state) {
-                *old = heard(new, *old);
+        if let Some(before) = before {
+            for (new, old) in self.state.iter_mut().zip(before) {
+                *new = heard(*new, old);
             }
         }
         for axis in 0..M {
