@@ -6,7 +6,7 @@
 //! and prediction work for every law. Integrals and estimates are its [`State`].
 //!
 //! To add a law that scenarios can name, write a file like `tj.rs` and add one line to `register!`
-//! below, with `apart` unless every instruction of a sweep with the law counts. Settings and their validation, the name on the wire and in print, recordings, displays
+//! below. Settings and their validation, the name on the wire and in print, recordings, displays
 //! and the lanes of a sweep follow from what that file declares.
 //!
 //! # A law of one's own
@@ -268,9 +268,9 @@ trait Declaration: Sized {
     }
 }
 
-/// The registry: each law, and how a responder calls it, [`inline`] or [`apart`].
+/// The registry.
 macro_rules! register {
-    ($($call:ident $variant:ident($module:ident::$law:ident),)*) => {
+    ($($variant:ident($module:ident::$law:ident),)*) => {
         /// All laws, in the order in which they are listed.
         pub const LAWS: &[&Description] =
             &[$(&<$module::$law<f64, MAX_AXES> as Declaration>::DESCRIPTION,)*];
@@ -292,7 +292,7 @@ macro_rules! register {
                 signals: &mut Signals<T>,
             ) -> Command<T, N> {
                 match self {
-                    $(Self::$variant(law) => $call(law, now, state, signals),)*
+                    $(Self::$variant(law) => law.command(now, state, signals),)*
                 }
             }
 
@@ -350,73 +350,16 @@ macro_rules! register {
 }
 
 register! {
-    inline Tj(tj::TransposeJacobianControl),
-    inline Mtj(mtj::ModifiedTransposeJacobian),
-    inline Mb(mb::ModelBased),
-    inline Tdc(tdc::TimeDelay),
-    apart Dob(dob::DisturbanceObserver),
-    apart Impedance(impedance::Impedance),
-    apart Scct(scct::SimplifiedComputedTorque),
-    apart Pid(pid::JointPid),
-    apart Rate(rate::MotionRate),
-    apart Adaptive(adaptive::Adaptive),
-}
-
-/// Calls a law as a part of its caller, compiled for the vectors that the caller has: the fastest for
-/// this law, and each such law makes its callers larger.
-#[inline(always)]
-fn inline<T: Scalar, L: Equation<T, M>, A: Kinematics<T, N, M>, const N: usize, const M: usize>(
-    law: &L,
-    now: &Situation<'_, T, A, N, M>,
-    state: &mut State<T>,
-    signals: &mut Signals<T>,
-) -> Command<T, N> {
-    law.command(now, state, signals)
-}
-
-/// Calls a law as a function of its own. It gets copies, so that for other laws the caller can keep the
-/// originals in registers.
-#[inline(always)]
-fn apart<T: Scalar, L: Equation<T, M>, A: Kinematics<T, N, M>, const N: usize, const M: usize>(
-    law: &L,
-    now: &Situation<'_, T, A, N, M>,
-    state: &mut State<T>,
-    signals: &mut Signals<T>,
-) -> Command<T, N> {
-    let (arm, position, velocity, at) = (*now.arm, *now.position, *now.velocity, *now.at);
-    let (desired, error, acceleration) = (*now.desired, *now.error, *now.acceleration);
-    let memory = now.memory.copied();
-    let copy = Situation {
-        arm: &arm,
-        position: &position,
-        velocity: &velocity,
-        at: &at,
-        desired: &desired,
-        error: &error,
-        acceleration: &acceleration,
-        interval: now.interval,
-        memory: memory.as_ref(),
-    };
-    let (mut kept, mut shown) = (*state, *signals);
-    let command = out_of_line(law, &copy, &mut kept, &mut shown);
-    (*state, *signals) = (kept, shown);
-    command
-}
-
-#[inline(never)]
-fn out_of_line<
-    T: Scalar,
-    L: Equation<T, M>,
-    A: Kinematics<T, N, M>,
-    const N: usize,
-    const M: usize,
->(
-    law: &L,
-    now: &Situation<'_, T, A, N, M>,
-    state: &mut State<T>,
-    signals: &mut Signals<T>,
-) -> Command<T, N> {
-    law.command(now, state, signals)
+    Tj(tj::TransposeJacobianControl),
+    Mtj(mtj::ModifiedTransposeJacobian),
+    Mb(mb::ModelBased),
+    Tdc(tdc::TimeDelay),
+    Dob(dob::DisturbanceObserver),
+    Impedance(impedance::Impedance),
+    Scct(scct::SimplifiedComputedTorque),
+    Pid(pid::JointPid),
+    Rate(rate::MotionRate),
+    Adaptive(adaptive::Adaptive),
 }
 
 /// The names of all laws, as [`LAWS`] has them.
