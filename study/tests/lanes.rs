@@ -44,7 +44,7 @@ variants = [
     { name = "tdc task inertia", set = { "law.kind" = "tdc", "law.kp" = 8, "law.kd" = 4, "law.mass" = "task-inertia", "law.factor.kind" = "constant", "law.memory.policy" = "delivered" } },
     { name = "mb ahead", set = { "law.kind" = "mb", "law.kp" = 8, "law.kd" = 4, "law.prediction.horizon" = "3 ms" } },
     { name = "mb by model", set = { "law.kind" = "mb", "law.kp" = 8, "law.kd" = 4, "law.prediction.horizon" = "measured", "law.prediction.model" = "rigid-body", "law.model.mass_scale" = 0.95 } },
-    { name = "tj by model", set = { "law.kind" = "tj", "law.kp" = 60, "law.kd" = 100, "law.prediction.horizon" = "12 ms", "law.prediction.model" = "rigid-body" } },
+    { name = "tj by model", set = { "law.kind" = "tj", "law.kp" = 30, "law.kd" = 40, "law.prediction.horizon" = "2 ms", "law.prediction.model" = "rigid-body" } },
     { name = "dob", set = { "law.kind" = "dob", "law.kp" = 8, "law.kd" = 4, "law.mass" = [1.0, 1.5], "law.filter" = "30 ms", "law.memory.policy" = "delivered" } },
     { name = "impedance", set = { "law.kind" = "impedance", "law.kp" = 60, "law.kd" = [100, 90] } },
     { name = "impedance shaped", set = { "law.kind" = "impedance", "law.kp" = 16, "law.kd" = 8, "law.inertia" = [[2.0, 0.3], [0.3, 1.5]] } },
