@@ -1,14 +1,19 @@
 //! `mtj export`: a recording as tables.
 
 use std::{
+    collections::BTreeSet,
     fs::{self, File},
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
 };
 
 use clap::Args;
+use mtj_model::law;
 use mtj_monitor::recording::{self, RecordedMessage, Recording, TOPICS, Topic};
-use mtj_protocol::{port::Message, sample::Field};
+use mtj_protocol::{
+    port::Message,
+    sample::{Field, text_of},
+};
 
 use crate::failure::Failure;
 
@@ -44,8 +49,13 @@ impl Export {
     /// Reads the recording twice: a table's columns have to be known before its first row.
     pub fn run(self) -> Result<(), Failure> {
         let mut layouts: [Layout; TOPICS.len()] = Default::default();
+        // Of the laws that were in effect.
+        let mut echo_units = BTreeSet::new();
         for recorded in self.open()? {
             let message = recorded?.message;
+            if let Message::Error(error) = &message {
+                echo_units.extend(law::find(text_of(&error.law)).map(|law| law.echo.unit));
+            }
             widen(&mut layouts[Topic::of(&message) as usize], &message);
         }
         if layouts.iter().all(Vec::is_empty) {
@@ -54,7 +64,7 @@ impl Export {
                 "{file}: no messages of mtj are recorded in it"
             )));
         }
-        let mut tables = self.create(layouts)?;
+        let mut tables = self.create(layouts, &echo_units)?;
         let mut recording = self.open()?;
         for recorded in &mut recording {
             let recorded = recorded?;
@@ -89,6 +99,7 @@ impl Export {
     fn create(
         &self,
         layouts: [Layout; TOPICS.len()],
+        echo_units: &BTreeSet<&'static str>,
     ) -> Result<[Option<Table>; TOPICS.len()], Failure> {
         let refuse = |path: &Path, error: &io::Error| {
             let remedy = match error.kind() {
@@ -112,8 +123,11 @@ impl Export {
                 continue;
             }
             for column in &layout {
+                let is_echo = recording::is_echo(column.name) && echo_units.len() == 1;
+                let known = echo_units.first().filter(|_| is_echo);
+                let unit = known.copied().unwrap_or_else(|| recording::unit(column.name));
                 for name in column.names() {
-                    writeln!(units, "{},{name},{}", topic.name(), recording::unit(column.name))?;
+                    writeln!(units, "{},{name},{unit}", topic.name())?;
                 }
             }
             let mut out = create(&self.path(topic))?;

@@ -375,7 +375,7 @@ fn the_built_in_studies_are_all_acceptable_and_the_map_is_large_enough() {
     let output = mtj_study(&["list"]).output().unwrap();
     assert!(output.status.success());
     let text = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(text.lines().count(), 9, "{text}");
+    assert_eq!(text.lines().count(), 10, "{text}");
     let points: usize = text
         .lines()
         .find(|line| line.starts_with("latency "))

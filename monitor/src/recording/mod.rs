@@ -46,7 +46,7 @@ pub use self::{
     recorder::Recorder,
     ring_recorder::RingRecorder,
     save::{SaveError, SaveHandle, SaveOutcome},
-    schema::{schema, unit},
+    schema::{is_echo, schema, unit},
     timeline::Timeline,
     topic::{TOPICS, Topic, fields, header},
 };

@@ -50,7 +50,7 @@ pub fn unit(field: &str) -> &'static str {
         "position" => "rad",
         "velocity" => "rad/s",
         "torque" => "N m",
-        "applied" | "delivered" | "echo" => echo_unit(),
+        name if is_echo(name) => echo_unit(),
         "error" => "m",
         "error_rate" => "m/s",
         name if name.ends_with("_ns") => "ns",
@@ -59,6 +59,11 @@ pub fn unit(field: &str) -> &'static str {
             signal.map_or("", |signal| signal.unit)
         }
     }
+}
+
+/// Whether the field of this name holds echoes, whose unit is that of the law in effect.
+pub fn is_echo(field: &str) -> bool {
+    matches!(field, "applied" | "delivered" | "echo")
 }
 
 /// The unit of an echo, if it is the same for all laws.
