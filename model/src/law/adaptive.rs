@@ -139,7 +139,7 @@ impl Declaration for Adaptive<f64, MAX_AXES> {
 }
 
 impl<T: Scalar, const M: usize> Equation<T, M> for Adaptive<T, M> {
-    /// The state is p̂, and [`HAS_BEGUN`].
+    /// The state is p̂, and whether it has begun.
     #[inline(always)]
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
