@@ -2,7 +2,7 @@
 //!
 //! A study with a table `best` has the laws as its first axis, and at each point searches the gains
 //! that make the rms error least within limits of torque, torque step and margin. The search is
-//! [differential evolution](population) over short runs, then over full ones; every run is in
+//! differential evolution (`population.rs`) over short runs, then over full ones; every run is in
 //! lanes, those of all candidates of some points side by side. The best is run again on the scalar
 //! path, so that `mtj run` repeats its error to the last digit.
 //!
