@@ -89,6 +89,7 @@ for_one_two_three_and_seven_links! {
     acceleration_solves_the_equation_of_motion = check_acceleration;
     the_mobility_is_the_acceleration_of_the_tip_for_a_unit_of_force = check_mobility;
     the_regressor_of_the_own_parameters_is_the_equation_of_motion = check_regressor;
+    rotors_add_to_the_diagonal_of_the_inertia_and_to_nothing_else = check_rotors;
 }
 
 fn check_inertia<const N: usize>() {
@@ -227,6 +228,27 @@ fn check_regressor<const N: usize>() {
     let coriolis = arm.regressor_times(&at, &s, &SVector::zeros(), &own) - arm.gravity(&q);
     let rate = s.dot(&(after - before)) / (2.0 * h);
     assert!((rate - 2.0 * s.dot(&coriolis)).abs() < 1e-7, "{N}: {rate}, {coriolis}");
+}
+
+fn check_rotors<const N: usize>() {
+    let without = PlanarArm::new(&links::<N>(), Vector2::new(0.3, -9.81));
+    let rotors: [f64; N] = std::array::from_fn(|i| 0.4 + 0.3 * i as f64);
+    let arm = without.with_rotors(rotors);
+    let at = Configuration::new(&angles(), &rates());
+    let inertia = without.inertia(&at) + SMatrix::from_diagonal(&rotors.into());
+    assert!((arm.inertia(&at) - inertia).norm() < 1e-12 * inertia.norm(), "{N}");
+    assert_eq!(arm.velocity_terms(&at), without.velocity_terms(&at));
+    let torque = SVector::from_fn(|i, _| 3.0 - 1.1 * i as f64);
+    let acceleration = arm.acceleration(&at, &torque);
+    let balance = inertia * acceleration + without.velocity_terms(&at);
+    assert!((balance - torque).norm() < 1e-11, "{N}: {balance} is not {torque}");
+    // They are known, and no parameters.
+    let own = arm.parameters();
+    for (one, other) in own.iter().zip(without.parameters()) {
+        assert!((one - other).abs() < 1e-12, "{N}: {one}, {other}");
+    }
+    let model = arm.regressor_times(&at, &rates(), &acceleration, &own);
+    assert!((model - torque).norm() < 1e-11, "{N}: {model} is not {torque}");
 }
 
 #[test]

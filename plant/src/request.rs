@@ -1,4 +1,4 @@
-//! Requests of operators: each is gravity_terms out once, and answered as often as it comes.
+//! Requests of operators: each is carried out once, and answered as often as it comes.
 
 use std::{
     collections::VecDeque,
@@ -43,7 +43,7 @@ pub(crate) struct Change {
     pub(crate) gravity_terms: GravityTerms,
 }
 
-/// A request that can be gravity_terms out without any more work.
+/// A request that can be carried out without any more work.
 pub(crate) enum Prepared {
     Change(Box<Change>),
     Pause(bool),

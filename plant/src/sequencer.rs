@@ -231,8 +231,8 @@ impl<const N: usize, const E: usize> Sequencer<N, E> {
         }
     }
 
-    /// Puts a command into effect at `time_ns` and at joint velocities `velocity`; false, and counted, if it is older than the command
-    /// timeout, or if a newer one has overtaken it.
+    /// Puts a command into effect at `time_ns` and at joint velocities `velocity`; false, and counted, if
+    /// it is older than the command timeout, or if a newer one has overtaken it.
     #[inline(always)]
     pub fn apply(&mut self, command: &Command<N, E>, time_ns: u64, velocity: &[f64; N]) -> bool {
         let age_ns = time_ns.saturating_sub(command.sampled_ns);

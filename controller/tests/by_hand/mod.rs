@@ -187,7 +187,6 @@ fn moved(start: [f64; 4], torque: Plane, h: f64) -> [f64; 4] {
 pub(crate) fn assert_tabled(sets: &[&str], table: &[(u64, f64)], tolerance: f64) {
     for (latency_ms, expected) in table {
         let found = rms_mm(sets, *latency_ms);
-        println!("{sets:?}, {latency_ms} ms: {found:.3} mm, tabled {expected} mm");
         assert!(
             (found / expected - 1.0).abs() < tolerance,
             "{sets:?}, {latency_ms} ms: {found} mm, not {expected} mm"

@@ -126,7 +126,8 @@ pub trait Arm<T: Scalar, const N: usize>: Copy {
         [T::zero(); _]
     }
     /// Y p = H q̈_r + C(q, q̇) q̇_r + g for other parameters p than the arm's own, N m. Ḣ − 2 C(q, q̇)
-    /// is skew-symmetric, and C(q, q̇) q̇ + g are the [velocity terms](Self::velocity_terms).
+    /// is skew-symmetric, and C(q, q̇) q̇ + g are the [velocity terms](Self::velocity_terms). What is known
+    /// and no parameter, like the inertia of rotors, counts with its own value.
     ///
     /// q̇_r are reference `velocity`s of the joints, rad/s, and q̈_r their `acceleration`s.
     #[inline(always)]

@@ -39,7 +39,7 @@ pub struct PlanarArm<T, const N: usize> {
     /// First moment of everything that link i carries, kg m.
     moment: [T; N],
     gravity: Vector2<T>,
-    /// Reflected inertia of the rotors, kg m², if they have any; it is in the diagonal of `coupling`, too.
+    /// Reflected inertia of the rotors, kg m², if they have any; the diagonal of `coupling` has it, too.
     armature: Option<[T; N]>,
 }
 
@@ -67,21 +67,16 @@ impl<T: Scalar, const N: usize> PlanarArm<T, N> {
         let lengths = links.map(|link| link.length);
         Self { lengths, coupling, moment, gravity, armature: None }
     }
-}
 
-impl<T: Scalar, const N: usize> PlanarArm<T, N> {
     /// The same arm with rotors of these inertias, kg m², as its gears reflect them to its joints:
     /// they turn with the joints, and add to the diagonal of H. Seen from absolute angles, a rotor turns
     /// by the difference of two of them.
     pub fn with_rotors(self, armature: [T; N]) -> Self {
-        let mut coupling = self.coupling;
-        for (i, inertia) in armature.iter().enumerate() {
-            coupling[i][i] += *inertia;
-            if i > 0 {
-                coupling[i - 1][i - 1] += *inertia;
-            }
+        let mut arm = Self { armature: Some(armature), ..self };
+        for i in 0..N {
+            arm.coupling[i][i] += arm.rotors_on(i);
         }
-        Self { coupling, armature: Some(armature), ..self }
+        arm
     }
 }
 
@@ -205,13 +200,13 @@ impl<T: Scalar, const N: usize> Arm<T, N> for PlanarArm<T, N> {
 
     /// Dᵢ = Σ_{k ≥ i} aₖₖ, kg m², and behind them bᵢ, kg m: 2 N parameters. Those of a horizontal
     /// arm of two links are the textbook's: D₁ = a₁, D₂ = a₂ and l₁ b₂ = a₃ in H₁₁ = a₁ + 2 a₃ cos q₂,
-    /// H₁₂ = a₂ + a₃ cos q₂, H₂₂ = a₂.
+    /// H₁₂ = a₂ + a₃ cos q₂, H₂₂ = a₂. The rotors are known, and are not among them.
     #[inline(always)]
     fn parameters(&self) -> [T; PARAMETERS] {
         let mut parameters = [T::zero(); _];
         let mut outer = T::zero();
         for i in (0..N).rev() {
-            outer += self.coupling[i][i];
+            outer += self.coupling[i][i] - self.rotors_on(i);
             parameters[i] = outer;
             parameters[N + i] = self.moment[i];
         }
@@ -223,10 +218,10 @@ impl<T: Scalar, const N: usize> Arm<T, N> for PlanarArm<T, N> {
         &self,
         at: &Configuration<T, N>,
         velocity: &SVector<T, N>,
-        acceleration: &SVector<T, N>,
+        joint_acceleration: &SVector<T, N>,
         parameters: &[T; PARAMETERS],
     ) -> SVector<T, N> {
-        let (rate, acceleration) = (absolute(velocity), absolute(acceleration));
+        let (rate, acceleration) = (absolute(velocity), absolute(joint_acceleration));
         let mut force = SVector::<T, N>::zeros();
         for i in 0..N {
             let moment = parameters[N + i];
@@ -241,6 +236,11 @@ impl<T: Scalar, const N: usize> Arm<T, N> for PlanarArm<T, N> {
         for i in (1..N).rev() {
             let outer = force[i];
             force[i - 1] += outer;
+        }
+        if let Some(armature) = &self.armature {
+            for i in 0..N {
+                force[i] += armature[i] * joint_acceleration[i];
+            }
         }
         force
     }
@@ -286,6 +286,16 @@ impl<T: Scalar, const N: usize> PlanarArm<T, N> {
             length * (cos * acceleration[j] + sin * at.rate[j] * rate[j]),
             length * (cos * acceleration[i] - sin * at.rate[i] * rate[i]),
         )
+    }
+
+    /// What the rotors add to the diagonal of `coupling` at link i.
+    #[inline(always)]
+    fn rotors_on(&self, i: usize) -> T {
+        match &self.armature {
+            None => T::zero(),
+            Some(armature) if i + 1 < N => armature[i] + armature[i + 1],
+            Some(armature) => armature[i],
+        }
     }
 
     /// The weight of a first moment of one in the absolute angle of link i.
@@ -387,11 +397,9 @@ impl<T: Scalar, const N: usize> PlanarArm<T, N> {
 
     #[inline(always)]
     fn absolute_velocity_terms(&self, at: &Configuration<T, N>) -> SVector<T, N> {
-        let gravity = self.gravity;
         let mut terms = SVector::zeros();
         for i in 0..N {
-            let weight = self.moment[i] * (gravity.x * at.sin[i] - gravity.y * at.cos[i]);
-            let mut sum = weight;
+            let mut sum = self.moment[i] * self.weight(at, i);
             for j in 0..N {
                 if j != i {
                     sum += self.coupling[i][j] * at.sin_between(i, j) * at.rate[j] * at.rate[j];

@@ -171,7 +171,7 @@ impl<T: Scalar, const M: usize> Equation<T, M> for Adaptive<T, M> {
         signals[..PARAMETERS].copy_from_slice(&parameters);
         let model = now.arm.regressor_times(now.at, &velocity, &acceleration, &parameters);
         let torque = model + self.kd.times(&error);
-        Command { torque, echo: padded(torque.as_slice()), damping: inverse.damping }
+        Command::of_torques(torque, inverse.damping)
     }
 
     fn balances_gravity(&self) -> bool {

@@ -164,6 +164,12 @@ impl<T: Scalar, const N: usize> Command<T, N> {
             damping: T::zero(),
         }
     }
+
+    /// Joint torques τ, N m, which are the echo, too, found with an inverse that is damped so strongly.
+    #[inline(always)]
+    pub fn of_torques(torque: SVector<T, N>, damping: T) -> Self {
+        Self { torque, echo: padded(torque.as_slice()), damping }
+    }
 }
 
 /// The task force in an echo that [`Command::of_task_force`] made.
@@ -176,8 +182,9 @@ fn recalled<T: Scalar, const M: usize>(echo: &Echo<T>) -> SVector<T, M> {
 pub trait Equation<T: Scalar, const M: usize>: Copy {
     /// Computes joint torques and echo from a situation.
     ///
-    /// Brings `state` from the sample before to this one. Writes the law's signals into `signals`, the same entries at every call; entries past its
-    /// last signal stay as they are. Runs between state and torque: no allocation, no lock, no I/O.
+    /// Brings `state` from the sample before to this one. Writes the law's signals into `signals`, the
+    /// same entries at every call; entries past its last signal stay as they are. Runs between state and
+    /// torque: no allocation, no lock, no I/O.
     fn command<A: Kinematics<T, N, M>, const N: usize>(
         &self,
         now: &Situation<'_, T, A, N, M>,

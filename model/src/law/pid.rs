@@ -12,7 +12,6 @@ use crate::{
     arm::Kinematics,
     gains::JointGains,
     lift,
-    matrix::padded,
     scalar::Scalar,
     scenario::{arm::ArmSettings, error::ScenarioError, key::Range, section::Section},
     task::{self, Task},
@@ -132,7 +131,7 @@ impl<T: Scalar, const M: usize> Equation<T, M> for JointPid<T, M> {
         let torque = self.kp.times(&error) + self.kd.times(&error_rate) + self.ki.times(&integral);
         signals[0] = inverse.damping;
         signals[1..=N].copy_from_slice(desired.as_slice());
-        Command { torque, echo: padded(torque.as_slice()), damping: inverse.damping }
+        Command::of_torques(torque, inverse.damping)
     }
 }
 

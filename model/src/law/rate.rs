@@ -13,7 +13,6 @@ use crate::{
     arm::Kinematics,
     gains::{Gains, JointGains},
     lift,
-    matrix::padded,
     scalar::Scalar,
     scenario::{arm::ArmSettings, error::ScenarioError, key::Range, section::Section},
     task,
@@ -114,6 +113,6 @@ impl<T: Scalar, const M: usize> Equation<T, M> for MotionRate<T, M> {
         let torque = self.kd.times(&error) + self.ki.times(&integral);
         signals[0] = inverse.damping;
         signals[1..=N].copy_from_slice(commanded.as_slice());
-        Command { torque, echo: padded(torque.as_slice()), damping: inverse.damping }
+        Command::of_torques(torque, inverse.damping)
     }
 }

@@ -13,7 +13,6 @@ use crate::{
     arm::Kinematics,
     gains::{Gains, JointGains},
     lift,
-    matrix::padded,
     scalar::Scalar,
     scenario::{arm::ArmSettings, error::ScenarioError, key::Range, section::Section},
     task,
@@ -94,6 +93,6 @@ impl<T: Scalar, const M: usize> Equation<T, M> for SimplifiedComputedTorque<T, M
         let inverse = PseudoInverse::new(now.jacobian());
         signals[0] = inverse.damping;
         let torque = self.inertia.times(&inverse.times(&wanted));
-        Command { torque, echo: padded(torque.as_slice()), damping: inverse.damping }
+        Command::of_torques(torque, inverse.damping)
     }
 }

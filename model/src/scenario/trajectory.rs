@@ -1,6 +1,6 @@
 //! The desired motion of a scenario.
 
-use std::{path::Path, time::Duration};
+use std::{path, time::Duration};
 
 use nalgebra::Vector2;
 use toml::Table;
@@ -16,7 +16,7 @@ use super::{
 use crate::{
     spline::{Order, Spline, TimedPoint},
     table,
-    trajectory::{Circle, Path as Route, PointToPoint, Ripple, Trajectory},
+    trajectory::{Circle, Path, PointToPoint, Ripple, Trajectory},
     transition::Transition,
 };
 
@@ -168,12 +168,12 @@ impl Trajectory<f64> {
     pub(super) fn read(section: Section<'_>) -> Result<(Self, Duration), ScenarioError> {
         let kinds = [Kind::PerturbedCircle, Kind::Circle, Kind::PointToPoint, Kind::File];
         let path = match section.word(&KIND, &kinds)? {
-            Kind::Circle => Route::Circle(circle(&section)?),
+            Kind::Circle => Path::Circle(circle(&section)?),
             Kind::PerturbedCircle => {
                 let circle = circle(&section)?;
-                Route::PerturbedCircle(circle, ripple(section.section("ripple")?)?)
+                Path::PerturbedCircle(circle, ripple(section.section("ripple")?)?)
             }
-            Kind::PointToPoint => Route::PointToPoint(PointToPoint {
+            Kind::PointToPoint => Path::PointToPoint(PointToPoint {
                 from: section.point(&FROM)?.into(),
                 to: section.point(&TO)?.into(),
                 duration: section.duration(&DURATION)?.as_secs_f64(),
@@ -182,7 +182,7 @@ impl Trajectory<f64> {
                 // Loading has put the points in its place.
                 section.text(&SOURCE, |_| true)?;
                 let order = section.word(&ORDER, &[Order::Cubic, Order::Quintic])?;
-                Route::Points(section.get(&POINTS, 1, |value| points(value, order))?)
+                Path::Points(section.get(&POINTS, 1, |value| points(value, order))?)
             }
         };
         let transition =
@@ -258,7 +258,7 @@ pub(super) fn load_points(root: &mut Table, origin: &Origin) -> Result<bool, Sce
 }
 
 /// The points of a CSV file, or what is wrong with it.
-fn read_points(path: &Path) -> Result<toml::Value, String> {
+fn read_points(path: &path::Path) -> Result<toml::Value, String> {
     let named = |reason: String| format!("{}: {reason}", path.display());
     let table = table::Table::read(path).map_err(|error| named(error.to_string()))?;
     let column = |title: &str| {
