@@ -71,7 +71,7 @@ pub struct PointToPoint<T> {
 }
 
 /// A motion in the plane.
-pub(crate) type PlaneMotion<T> = Motion<T, Vector2<T>, 2>;
+type PlaneMotion<T> = Motion<T, Vector2<T>, 2>;
 
 impl<T> From<Path<T>> for Trajectory<T> {
     fn from(path: Path<T>) -> Self {
@@ -96,7 +96,14 @@ impl<T: Scalar> Trajectory<T> {
     fn in_plane(&self, time: T) -> PlaneMotion<T> {
         match &self.transition {
             None => self.path.at(time),
-            Some(transition) => transition.add_to(self.path.at(time - transition.shift), time),
+            Some(transition) => {
+                let mut motion = self.path.at(time - transition.shift);
+                let [point, velocity, acceleration] = transition.rest(time);
+                motion.point += point;
+                motion.velocity += velocity;
+                motion.acceleration += acceleration;
+                motion
+            }
         }
     }
 }
@@ -146,9 +153,13 @@ impl Trajectory<f64> {
             (Some(was), Some(is)) if is != 0.0 => time - was * since / is,
             _ => time,
         };
-        let from = before.in_plane(time);
-        let transition = Transition::between(&from, &path.at(time - shift), time, duration, shift);
-        Self { path, transition: Some(transition) }
+        let (from, to) = (before.in_plane(time), path.at(time - shift));
+        let offset = [
+            from.point - to.point,
+            from.velocity - to.velocity,
+            from.acceleration - to.acceleration,
+        ];
+        Self { path, transition: Some(Transition { begin: time, duration, shift, offset }) }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use crate::{lift, scalar::Scalar, trajectory::PlaneMotion};
+use crate::{lift, scalar::Scalar};
 
 /// What is added to a motion so that it begins where another one was: a quintic polynomial that
 /// takes the difference of point, velocity and acceleration to zero.
@@ -18,28 +18,10 @@ pub struct Transition<T> {
     pub offset: [Vector2<T>; 3],
 }
 
-impl Transition<f64> {
-    /// From one motion to another, as they are at `begin`, s.
-    pub(crate) fn between(
-        from: &PlaneMotion<f64>,
-        to: &PlaneMotion<f64>,
-        begin: f64,
-        duration: f64,
-        shift: f64,
-    ) -> Self {
-        let offset = [
-            from.point - to.point,
-            from.velocity - to.velocity,
-            from.acceleration - to.acceleration,
-        ];
-        Self { begin, duration, shift, offset }
-    }
-}
-
 impl<T: Scalar> Transition<T> {
-    /// The motion `to`, as it is at `time`, s, with the rest of the way to it.
+    /// What is left of the offset at `time`, s: of point, velocity and acceleration.
     #[inline(always)]
-    pub(crate) fn add_to(&self, to: PlaneMotion<T>, time: T) -> PlaneMotion<T> {
+    pub(crate) fn rest(&self, time: T) -> [Vector2<T>; 3] {
         let c = T::constant;
         let (zero, one) = (T::zero(), T::one());
         let s = (time - self.begin) / self.duration;
@@ -65,11 +47,7 @@ impl<T: Scalar> Transition<T> {
         let scaled = [self.offset[0], self.offset[1] * d, self.offset[2] * (d * d)];
         let sum =
             |parts: [T; 3]| scaled[0] * parts[0] + scaled[1] * parts[1] + scaled[2] * parts[2];
-        PlaneMotion {
-            point: to.point + sum(point),
-            velocity: to.velocity + sum(velocity) / d,
-            acceleration: to.acceleration + sum(acceleration) / (d * d),
-        }
+        [sum(point), sum(velocity) / d, sum(acceleration) / (d * d)]
     }
 }
 

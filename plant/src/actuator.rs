@@ -10,8 +10,8 @@ use mtj_protocol::sample::{Joints, TorqueSample};
 
 use crate::{
     course::Course,
+    durations::nanoseconds,
     engine::{Approach, Drive},
-    sequencer::nanoseconds,
 };
 
 /// A torque with its echo, on its way to the arm or in effect.
@@ -116,7 +116,8 @@ impl<const N: usize, const E: usize> Actuator<N, E> {
         self.resolution = resolution(scenario);
         if self.has_timed_out {
             // What a brake exerts now is what may be held from now on.
-            self.drive = Drive::Torque(self.torque(time_ns, velocity));
+            let (torque, echo) = (self.torque(time_ns, velocity), self.applied(time_ns));
+            (self.drive, self.echo) = (Drive::Torque(torque), echo);
             self.enter_safe_state(time_ns, velocity);
         }
         match self.drive {

@@ -1,7 +1,15 @@
-//! Histograms of durations.
+//! Durations as whole nanoseconds, and histograms of them.
+
+use std::time::Duration;
 
 use hdrhistogram::Histogram;
 use serde::{Deserialize, Serialize};
+
+/// A duration in ns.
+#[inline(always)]
+pub(crate) fn nanoseconds(duration: Duration) -> u64 {
+    duration.as_nanos() as u64
+}
 
 /// Percentiles of a duration, µs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

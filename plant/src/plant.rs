@@ -21,7 +21,7 @@ use crate::{
     actuator::Command,
     agenda::{Agenda, Event},
     clock::{Clock, Heard, Lockstep, Realtime},
-    durations::Durations,
+    durations::{Durations, nanoseconds},
     engine::{Engine, engine},
     error::{LinkError, PlantError},
     gravity::GravityTerms,
@@ -29,7 +29,7 @@ use crate::{
     report::{Measures, Report},
     request::{self, Answers, Preparer},
     sensor::Sensor,
-    sequencer::{Commands, Departure, Sequencer, nanoseconds},
+    sequencer::{Commands, Departure, Sequencer},
     trace::{TraceRow, TraceStream},
     tracking::{Tracked, Tracking},
 };

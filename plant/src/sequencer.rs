@@ -18,8 +18,6 @@
 //!   applied when that happens.
 //! - **Divergence.** A joint speed of [`RUNAWAY`] or more, or one that is not a number, ends a run.
 
-use std::time::Duration;
-
 use mtj_model::{
     MAX_ECHO, MAX_JOINTS,
     scenario::{JointLimits, Scenario},
@@ -28,6 +26,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     actuator::{Actuator, Command},
+    durations::nanoseconds,
     error::LinkError,
     link::{Link, LinkChanges, Links},
 };
@@ -332,9 +331,4 @@ impl<const N: usize, const E: usize> Sequencer<N, E> {
     pub fn timeouts(&self) -> u64 {
         self.timeouts
     }
-}
-
-#[inline(always)]
-pub(crate) fn nanoseconds(duration: Duration) -> u64 {
-    duration.as_nanos() as u64
 }

@@ -15,6 +15,7 @@
 pub mod best;
 pub mod error;
 pub mod experiment;
+mod margin;
 pub mod predict;
 pub mod report;
 pub mod shell;

@@ -15,13 +15,13 @@ pub mod advice;
 mod population;
 mod row;
 mod search;
-mod settings;
+pub(crate) mod settings;
 mod verdict;
 
 use mtj_model::scenario::Override;
 use mtj_plant::report::Report;
 
-pub(crate) use row::{columns, row};
+pub(crate) use row::row;
 pub(crate) use search::measure;
 pub use settings::{Best, Entry, GainRange, Limits};
 pub use verdict::{Binding, Limit};

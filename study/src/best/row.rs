@@ -1,4 +1,4 @@
-//! The columns that the best gains add to a row of results.
+//! A row of results with the best gains of a point.
 
 use super::{Best, Found};
 use crate::{
@@ -9,13 +9,6 @@ use crate::{
     },
 };
 
-/// Their names: what stands in the way, the error with the margin, the gains, the command.
-pub(crate) fn columns(best: &Best) -> Vec<String> {
-    let keys = best.keys().into_iter().map(str::to_owned);
-    let first = ["limit", "margin_rms_error_m"].map(str::to_owned);
-    first.into_iter().chain(keys).chain(["command".to_owned()]).collect()
-}
-
 /// A point's row.
 pub(crate) fn row(
     plan: &Plan,
@@ -25,7 +18,7 @@ pub(crate) fn row(
 ) -> ResultRow {
     match found {
         Err(error) => {
-            let blank = vec![String::new(); columns(best).len()];
+            let blank = vec![String::new(); best.columns().len()];
             results::row_with(plan, point, Some(&Err(error)), blank)
         }
         Ok(found) => {

@@ -5,7 +5,10 @@ use std::time::Duration;
 use mtj_model::scenario::{Override, ScenarioError, Section, duration};
 use toml::Value;
 
-use crate::sweep::axis::{self, Axis, Position};
+use crate::{
+    margin::MARGIN,
+    sweep::axis::{self, Axis, Position},
+};
 
 /// The table `best` of a study.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,6 +88,14 @@ impl Limits {
 }
 
 impl Best {
+    /// The columns that the best gains add to a row of results: what stands in the way, the error with
+    /// the margin, the gains, the command.
+    pub(crate) fn columns(&self) -> Vec<String> {
+        let keys = self.keys().into_iter().map(str::to_owned);
+        let first = ["limit", "margin_rms_error_m"].map(str::to_owned);
+        first.into_iter().chain(keys).chain(["command".to_owned()]).collect()
+    }
+
     /// Reads the table.
     pub(crate) fn read(section: Section<'_>) -> Result<Self, ScenarioError> {
         let positive = |value: &Value| number(value).filter(|x| *x > 0.0);
@@ -161,8 +172,6 @@ impl Best {
     }
 }
 
-/// The margin unless the study says otherwise: that of `mtj tune`.
-const MARGIN: f64 = crate::tune::MARGIN;
 /// The growth of the error unless the study says otherwise: what `mtj tune` tells.
 const GROWTH: f64 = 2.0;
 /// The candidates for each key unless the study says otherwise.

@@ -10,7 +10,7 @@ use super::{
     builtin,
 };
 use crate::{
-    best::{Best, Entry},
+    best::settings::{Best, Entry},
     error::StudyError,
     shell,
 };

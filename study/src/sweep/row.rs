@@ -3,7 +3,7 @@
 use mtj_plant::report::Report;
 
 use super::plan::Plan;
-use crate::{best, error::StudyError};
+use crate::{best::settings::Best, error::StudyError};
 
 /// The measures of a point, in the order of their columns.
 pub const MEASURES: [&str; 12] = [
@@ -83,7 +83,7 @@ pub fn columns(plan: &Plan) -> Vec<String> {
     let mut columns: Vec<String> = std::iter::once("point".to_owned()).chain(axes).collect();
     columns.extend(MEASURES.iter().map(|name| (*name).to_owned()));
     // The error is the last.
-    let of_best = plan.best.as_ref().map(best::columns).unwrap_or_default();
+    let of_best = plan.best.as_ref().map(Best::columns).unwrap_or_default();
     let last = columns.len() - 1;
     columns.splice(last..last, of_best);
     columns

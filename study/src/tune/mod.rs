@@ -22,6 +22,7 @@ use serde::Serialize;
 use std::{ops::Range, time::Duration};
 
 use crate::error::StudyError;
+pub use crate::margin::MARGIN;
 use limits::ArmProperties;
 pub use limits::motion;
 pub use reason::{GainLimit, Problem, Rejected, Shortfall};
@@ -29,8 +30,6 @@ use search::Candidate;
 pub use values::{Remedy, Values};
 pub use verify::Verification;
 
-/// The loop must stand this many times the latency.
-pub const MARGIN: f64 = 1.5;
 /// The starts from which a proposal is verified.
 pub const STARTS: usize = 9;
 /// How long it is verified, s, or for the scenario's duration if that is longer.
